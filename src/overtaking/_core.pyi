@@ -126,13 +126,13 @@ class ColumnHash:
         """Add rows; returns whether any of these rows has a value.
 
         Args:
-            rows: Number `count` of the rows, index `offset` of the first row in the buffers, and
-                the buffers of Arrow: `validity` (None if all rows have a value), `data`, and
+            rows: `count`, the number of rows; `offset`, the index of the first row in the buffers;
+                and the buffers of Arrow: `validity` (None if all rows have a value), `data`, and
                 `ends` of texts.
             meaning: For layout "codes", the code to hash for each index of a name.
 
         Raises:
-            ValueError: The buffers are too short, or a row has an index of a name beyond `meaning`.
+            ValueError: The buffers are too short, or the index of a name is beyond `meaning`.
         """
 
 @final
@@ -254,7 +254,7 @@ class ExternallyMovedSimulation:
         """The last step of the simulation."""
 
     def finish(self, /) -> None:
-        """Write the last frames, the contacts and the hash of what is recorded to the outputs."""
+        """Write the last frames, the contacts and the hash of the recording to the outputs."""
 
     def is_ego_wrecked(self, /) -> bool:
         """Whether the ego has collided or left the road."""
@@ -268,8 +268,8 @@ class ExternallyMovedSimulation:
             contacts: Slot, slot of the other vehicle, time [s], size of the impulse [N s], and
                 closing speed [m/s]. A contact is recorded for its first slot only; the other
                 vehicle needs an entry of its own.
-            step: Step of the contacts; may be negative, before the first decision. An accident of
-                the ego ends the simulation soon after it.
+            step: Step of the contacts; may be negative, before the first decision. A contact of
+                the ego ends the simulation soon after this step.
 
         Raises:
             ValueError: A slot does not exist.
@@ -278,7 +278,7 @@ class ExternallyMovedSimulation:
     def record(
         self, /, motion: NDArray[np.float32], ego_stage: float, ego_indicator: float, step: int
     ) -> None:
-        """Record a frame, if one is due, for which the drivers of the other simulator have decided.
+        """Record a frame, if one is due, in which the other simulator drives all vehicles.
 
         Args:
             motion: As in `decide`.
@@ -295,7 +295,7 @@ class ExternallyMovedSimulation:
 
         Args:
             wind_trim: Part of the wheel angle [rad], or of the lateral acceleration of a
-                two-wheeler [m/s^2], that holds against crosswind, (slot,).
+                two-wheeler [m/s^2], that compensates crosswind, (slot,).
 
         Returns:
             Wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2], (slot,).
@@ -306,7 +306,7 @@ class ExternallyMovedSimulation:
 
 @final
 class Inputs:
-    """Everything that a batch is simulated from. The arrays are read in place at every call."""
+    """All inputs of a batch. Each call reads the arrays in place."""
 
     def __new__(
         cls,
@@ -328,9 +328,9 @@ class Inputs:
                 `FIELD_NAMES["vehicle"]`.
             simulation: Parameters of simulations, flat (field, simulation), fields as
                 `FIELD_NAMES["simulation"]`.
-            scenario_index: Index of each scenario.
+            scenario_index: Index of each scenario, shape (simulation,).
             num_slots: Vehicle slots, 1 to `MAX_VEHICLES`.
-            seed: Key of the random numbers.
+            seed: Seed of the data set, the key of the random numbers.
             steps_per_frame: Steps of 10 ms between recorded frames, at least 1.
             road: Fields of the road by name, as `sim.engine.road_inputs` returns them.
             constants: Constants of the model by name, as `world.constants.engine_constants` returns
@@ -438,7 +438,7 @@ class Stepper:
         """
 
     def observe_start(self, /) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]:
-        """Observations at the start, (simulation, field); which simulations run; zeros."""
+        """Observations at the start, in the format of `step`, with 0 decisions carried out."""
 
     def restart(
         self, /, rows: NDArray[np.int64], inputs: Inputs
@@ -461,12 +461,13 @@ class Stepper:
         """Carry out one action of each simulation for some decisions.
 
         Args:
-            values: Numbers of the actions, shape (simulation, part).
+            values: Parts of the actions as multiples of their resolution, shape (simulation, part).
             decisions: Number of decisions, at least 1.
 
         Returns:
-            Observations, for a simulation that ended within the step those at its end; which
-            simulations run; the number of decisions that each carried out.
+            Observations after the decisions, or at the end of a simulation that ended earlier,
+            (simulation, field); whether each simulation runs; the number of decisions that each
+            has carried out.
 
         Raises:
             ValueError: The actions have another length.

@@ -1,8 +1,8 @@
 //! Drivers of the model in one simulation whose vehicles another simulator moves, such as CARLA.
 //!
-//! The other simulator says where the vehicles are; the drivers of the model perceive, decide and steer. All lanes of a
-//! vector hold the same simulation, and results are read from the first lane. A *tick* is the time between two
-//! decisions.
+//! The other simulator reports the motion of the vehicles; the drivers of the model perceive, decide and steer. All
+//! lanes of a vector hold the same simulation, and results are read from the first lane. A *tick* is the time between
+//! two decisions.
 
 use std::array;
 use std::mem::swap;
@@ -59,7 +59,7 @@ pub struct DriverOutput {
     pub end_step: f32,
 }
 
-/// The contact of a vehicle with another one. The other vehicle has a `VehicleContact` of its own.
+/// The contact of a vehicle with another one, for which the other vehicle has a second `VehicleContact`.
 #[derive(Clone, Copy)]
 pub struct VehicleContact {
     /// Slot of the vehicle.
@@ -79,7 +79,7 @@ pub struct VehicleContact {
 /// Steps are numbered from 0 and last 10 ms. `motion` is a table, (field, slot), with rows as `MOTION_FIELDS`; `output`
 /// is the memory of the recording, the same in every call.
 pub trait ExternallyMoved: Send + Sync {
-    /// Record the first contact of each vehicle, which becomes a wreck. `step` may be before the first decision.
+    /// Record the first contact of each vehicle and make the vehicle a wreck. `step` may be before the first decision.
     fn record_contacts(&mut self, contacts: &[VehicleContact], step: i32);
 
     /// Let all drivers perceive this motion and decide, and record a frame if one is due at this step.
@@ -87,13 +87,14 @@ pub trait ExternallyMoved: Send + Sync {
 
     /// Turn the front wheels for one tick.
     ///
-    /// `wind_trim` is the part of the wheel angle that holds against crosswind, (slot). Returns the wheel angles,
-    /// (slot). Both are in rad, and for two-wheelers, which lean, lateral accelerations [m/s^2].
+    /// `wind_trim` is the part of the wheel angle that compensates crosswind, (slot). Returns the wheel angles, (slot).
+    /// Both are in rad. For two-wheelers, which lean, both are lateral accelerations [m/s^2].
     fn steer(&mut self, wind_trim: &[f32]) -> Vec<f32>;
 
-    /// Record a frame, if one is due at this step, for which the drivers of the other simulator have decided.
+    /// Record a frame, if one is due at this step, in which the drivers of the other simulator drive all vehicles.
     ///
-    /// `ego_stage` is a code of `stage`; `ego_indicator` is 1 to the left, -1 to the right, 0 off.
+    /// `ego_stage` is a code of `stage`. `ego_indicator` is 1 towards the overtaking side, -1 towards the kerb side,
+    /// and 0 off.
     fn record(
         &mut self,
         motion: &[f32],
@@ -116,10 +117,10 @@ pub trait ExternallyMoved: Send + Sync {
     fn finish(&mut self, output: Output<'_>);
 }
 
-/// Prepare a simulation of our drivers from a batch of one simulation.
+/// Prepare a simulation with the drivers of the model from a batch of one simulation.
 ///
-/// `tick` is the time between two decisions [s], in which one call of `steer` turns the wheels. The function is generic
-/// for the reason that `simulate` states.
+/// `tick` is the time between two decisions [s], in which one call of `steer` turns the wheels. The function is
+/// generic, so the crate that calls it compiles it, as with `simulate`.
 ///
 /// # Errors
 /// There are more than `MAX_VEHICLES` slots.
@@ -143,14 +144,17 @@ pub fn externally_moved<S: Simd>(
 
 /// The simulation with up to `N` vehicle slots.
 struct ExternalMotion<S: Simd, const N: usize> {
+    /// State and parameters of the simulation.
     block: Box<Block<'static, S, N>>,
+    /// Perception of the drivers at the present decision.
     context: DecisionContext<S, N>,
+    /// Recorded frames that are not yet in `output`.
     tile: FrameTile<N>,
     /// Progress of the recorder after the last frame: a recorder borrows `output`, so it lives for one call only.
     recorder_progress: RecorderProgress,
     num_slots: usize,
     steps_per_frame: u32,
-    /// Constants that hold while the wheels turn; see `begin`.
+    /// Constants while the wheels turn; see `begin`.
     steering_constants: Arc<ModelConstants>,
     /// A step as long as a tick.
     tick: StepLength,
@@ -281,6 +285,7 @@ impl<S: Simd, const N: usize> ExternallyMoved for ExternalMotion<S, N> {
     fn steer(&mut self, wind_trim: &[f32]) -> Vec<f32> {
         let Block { params, state, .. } = &mut *self.block;
         let (simd, tick) = (params.simd, &self.tick);
+        // Two-wheelers lean with another lag than in the model, see `begin`.
         swap(&mut params.constants, &mut self.steering_constants);
         let steering_params = &*params;
         with_cpu_features!(simd, {

@@ -1,9 +1,8 @@
 //! Parameters of a block of sixteen simulations: road, vehicles, drivers, weather and constants of the model.
 //!
-//! `overtaking.world.step_parameters` computes them in Python, before the simulation starts; only a branch of a
-//! simulation replaces them on the way. Station `s` is the position along the road [m], the lateral position `d`
-//! counts towards the overtaking side [m]. *Along* means in the road's own direction, *against* in the direction of
-//! oncoming traffic.
+//! `overtaking.world.step_parameters` computes them in Python before the simulation starts. Only a branch replaces them
+//! during a simulation. Station `s` is the position along the road [m]. The lateral position `d` is positive towards
+//! the overtaking side [m]. *Along* means in the road's own direction, *against* in the direction of oncoming traffic.
 
 use std::sync::Arc;
 
@@ -18,9 +17,11 @@ use crate::state::EGO_SLOT;
 pub struct Road {
     /// Number of lanes that vehicles use, including the opposing lane if there is oncoming traffic.
     pub num_lanes: usize,
-    /// Lane borders from the kerb side to the overtaking side, padded with copies of the last one [m].
+    /// Lane borders of at most eight lanes, from the kerb side to the overtaking side, padded with copies of the last
+    /// one [m].
     pub boundaries: [f32; 9],
-    /// Factor on the thickness of the water film in each lane, from the length of its drainage path, padded [1].
+    /// Factor on the thickness of the water film in each lane, which grows with the length of its drainage path; padded
+    /// [1].
     pub film_path: [f32; 8],
     /// +1 in right-hand traffic, -1 in left-hand traffic.
     pub overtaking_sign: f32,
@@ -35,11 +36,11 @@ pub struct Road {
 /// Place of a road in the plane of the world.
 #[derive(Clone, Copy, Debug)]
 pub struct RoadPose {
-    /// World coordinates of the point (s, d) = (0, 0) [m].
+    /// World coordinate x of the point (s, d) = (0, 0) [m]; 0 for a road that bends, as are `y0` and `heading`.
     pub x0: f32,
-    /// The second coordinate [m].
+    /// World coordinate y of this point [m].
     pub y0: f32,
-    /// Heading of the road [rad].
+    /// Heading of the road, anticlockwise from the x axis [rad].
     pub heading: f32,
     /// Cosine of the heading [1].
     pub cosine: f32,
@@ -91,7 +92,7 @@ pub struct CourseTable {
 const COURSE_ROWS: usize = 10;
 
 impl CourseTable {
-    /// Split the flat array of the Python table, (row, station), into its rows.
+    /// Split a flat array of Python, (row, station), into its rows.
     pub fn from_rows(table: &[f32]) -> Self {
         let stations = table.len() / COURSE_ROWS;
         let row = |index: usize| table[index * stations..(index + 1) * stations].into();
@@ -133,9 +134,9 @@ pub const MAX_STATIONS: usize = 64;
 pub struct KnotTable {
     /// Stations [m].
     pub stations: [f32; MAX_STATIONS],
-    /// The quantity there.
+    /// The quantity at each station.
     pub values: [f32; MAX_STATIONS],
-    /// Its change per metre from there on.
+    /// Change of the quantity per metre from each station to the next.
     pub slopes: [f32; MAX_STATIONS],
 }
 
@@ -154,9 +155,9 @@ impl From<[[f32; MAX_STATIONS]; 3]> for KnotTable {
 pub struct LineMarks {
     /// Stations [m].
     pub stations: [f32; MAX_STATIONS],
-    /// 1 if from there on traffic along the road must not cross the line, else 0.
+    /// 1 if traffic along the road must not cross the line from this station to the next, else 0.
     pub is_solid_along: [f32; MAX_STATIONS],
-    /// 1 if from there on oncoming traffic must not cross the line, else 0.
+    /// The same for oncoming traffic.
     pub is_solid_against: [f32; MAX_STATIONS],
 }
 
@@ -175,7 +176,7 @@ impl From<[[f32; MAX_STATIONS]; 3]> for LineMarks {
 pub struct RoadDirections {
     /// Number of lanes of the road's own direction.
     pub num_own_lanes: usize,
-    /// Whether vehicles may come in the opposing lane.
+    /// Whether oncoming vehicles may use the opposing lane.
     pub has_oncoming_traffic: bool,
     /// End of the road, from which oncoming vehicles count their stations [m].
     pub length: f32,
@@ -208,7 +209,8 @@ pub struct StepLength {
     pub half: f32,
     /// Reciprocal of the length [1/s].
     pub inverse: f32,
-    /// Share of the difference to the desired wheel angle that the wheels turn in a step: a lag of first order [1].
+    /// Share of the remaining difference to the requested wheel angle that the wheels turn in a step [1]. It is a
+    /// first-order lag, integrated by the trapezoidal rule.
     pub steering: f32,
     /// The same share for the lean of a two-wheeler [1].
     pub leaning: f32,
@@ -238,7 +240,8 @@ pub struct DerivedConstants {
     pub fine: StepLength,
     /// A step of 50 ms, from one decision to the next.
     pub coarse: StepLength,
-    /// Share of the difference to the steering that balances the side wind, corrected at each decision [1].
+    /// Share of the remaining difference to the steering that balances crosswind, which a driver corrects at each
+    /// decision [1].
     pub wind_trim_share: f32,
     /// Reciprocal of the speed range in which the governor of a vehicle closes the throttle [s/m].
     pub per_governor_band: f32,
@@ -259,9 +262,9 @@ impl DerivedConstants {
     }
 }
 
-/// All parameters of a block. Only a `ParameterSwitch`, for a branch, changes their values.
+/// All parameters of a block. Only a branch, by a `ParameterSwitch`, changes their values.
 pub struct Params<S: Simd, const N: usize> {
-    /// Token of the SIMD level, which vectors are made with.
+    /// Token of the SIMD level, from which vectors are made.
     pub simd: S,
     /// Constants of the model.
     pub constants: Arc<ModelConstants>,
@@ -269,7 +272,7 @@ pub struct Params<S: Simd, const N: usize> {
     pub derived: DerivedConstants,
     /// Road of all simulations.
     pub road: Arc<Road>,
-    /// Parameters of the vehicle and driver in each slot (number of a vehicle in its simulation).
+    /// Parameters of vehicle and driver in each slot. A slot is the number of a vehicle in its simulation.
     pub vehicles: [VehicleParams<S>; N],
     /// Parameters of each simulation, such as its weather.
     pub simulations: SimulationParams<S>,

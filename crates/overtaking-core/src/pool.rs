@@ -13,7 +13,7 @@ struct ProcessPool {
 }
 
 /// The pool that was built last, by this process or by an ancestor that forked. It is an atomic pointer and
-/// no mutex, because a mutex that another thread holds during a fork stays locked in the child.
+/// not a mutex, because a mutex that another thread holds during a fork stays locked in the child.
 static LAST_BUILT: AtomicPtr<ProcessPool> = AtomicPtr::new(null_mut());
 
 /// The thread pool of this process.
@@ -23,7 +23,7 @@ static LAST_BUILT: AtomicPtr<ProcessPool> = AtomicPtr::new(null_mut());
 /// dropping it would wait for threads that do not exist.
 ///
 /// # Errors
-/// The system starts no more threads; the text is its answer.
+/// The system starts no more threads; the text is its message.
 pub fn process_pool() -> Result<&'static ThreadPool, String> {
     let last = LAST_BUILT.load(Ordering::Acquire);
     // SAFETY: The pointer is null or comes from `Box::into_raw` below, and is never freed.

@@ -1,4 +1,4 @@
-//! One vehicle of a block with its state and parameters: the argument of the functions that only read.
+//! One vehicle slot of a block with state and parameters: the argument of functions that only read.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -33,8 +33,8 @@ impl<S: Simd, const N: usize> State<S, N> {
 
     /// Speed along the road of the vehicles in `slot`, which may differ between simulations [m/s].
     ///
-    /// The four numbers are looked up before the speed is computed: where each simulation loads its own slot, a value
-    /// that is an expression would be computed sixteen times.
+    /// `each_at_slot` looks up the four numbers, and the speed is computed from them once. If it looked up the speed
+    /// itself, it could compute the speed once for each of the sixteen simulations.
     #[inline(always)]
     pub fn road_speed_at(&self, params: &Params<S, N>, slot: F32<S>) -> F32<S> {
         let motion = &self.motion;
@@ -63,8 +63,8 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
 
     /// Station and lateral position of vehicle `other_slot` in this vehicle's direction of travel [m].
     ///
-    /// `TWO_WAY` says whether the road has oncoming traffic. It is a constant, so that loops over pairs on one-way
-    /// roads do not test the direction of each pair.
+    /// `TWO_WAY` states whether the road has oncoming traffic. It is a constant, so that loops over pairs of vehicles
+    /// on one-way roads do not test the direction of each pair.
     #[inline(always)]
     pub fn position_of<const TWO_WAY: bool>(self, other_slot: usize) -> (F32<S>, F32<S>) {
         let motion = &self.state.motion;
@@ -88,7 +88,7 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
         in_opposite_frame(self.params, self.vehicle().travel_sign.simd_lt(0.0), s, d)
     }
 
-    /// Velocity along and across the road, in the vehicle's direction of travel [m/s].
+    /// Velocity along the road and towards the overtaking side, in the vehicle's direction of travel [m/s].
     #[inline(always)]
     pub fn road_velocity(self) -> (F32<S>, F32<S>) {
         let (motion, slot) = (&self.state.motion, self.slot);
@@ -152,7 +152,7 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
         self.is_in_stage(stage::PULL_OUT) | self.is_in_stage(stage::PASS)
     }
 
-    /// Whether the driver overtakes, which includes the return, and has not crashed.
+    /// Whether the driver overtakes, which includes the return; false for wrecks.
     #[inline(always)]
     pub fn is_overtaking(self) -> Mask<S> {
         let stage = self.state.overtake.stage[self.slot];

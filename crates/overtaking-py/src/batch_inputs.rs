@@ -1,4 +1,4 @@
-//! The inputs of a batch, which Python makes once and passes to every entry point of the engine.
+//! The inputs of a batch of simulations, which Python makes once and passes to every entry point of the engine.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 
 use crate::inputs::expect_length;
 
-/// Everything that a batch is simulated from. The arrays are read in place at every call.
+/// All inputs of a batch. Each call reads the arrays in place.
 #[pyclass(frozen, name = "Inputs")]
 pub struct PyInputs {
     vehicle: Py<PyArray1<f32>>,
@@ -35,9 +35,9 @@ impl PyInputs {
     ///         `FIELD_NAMES["vehicle"]`.
     ///     simulation: Parameters of simulations, flat (field, simulation), fields as
     ///         `FIELD_NAMES["simulation"]`.
-    ///     scenario_index: Index of each scenario.
+    ///     scenario_index: Index of each scenario, shape (simulation,).
     ///     num_slots: Vehicle slots, 1 to `MAX_VEHICLES`.
-    ///     seed: Key of the random numbers.
+    ///     seed: Seed of the data set, the key of the random numbers.
     ///     steps_per_frame: Steps of 10 ms between recorded frames, at least 1.
     ///     road: Fields of the road by name, as `sim.engine.road_inputs` returns them.
     ///     constants: Constants of the model by name, as `world.constants.engine_constants` returns
@@ -108,7 +108,7 @@ impl PyInputs {
     /// Call `run` with the inputs as slices.
     ///
     /// # Errors
-    /// `TypeError`: An array is not contiguous any more. An error of `run`.
+    /// `TypeError`: An array is no longer contiguous. Also the errors of `run`.
     pub fn with_slices<R>(
         &self,
         py: Python<'_>,
@@ -131,7 +131,7 @@ impl PyInputs {
     }
 }
 
-/// The numbers of a road by name, as `overtaking.sim.engine.road_inputs` makes them.
+/// The values of a road by name, as `overtaking.sim.engine.road_inputs` makes them. `Road` describes them.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct RoadValues {
@@ -154,6 +154,7 @@ impl RoadValues {
     fn road(&self) -> Road {
         let [sight_along, sight_against] = self.sight;
         Road {
+            // `boundaries` and `film_path` hold at most eight lanes.
             num_lanes: self.num_lanes.clamp(1, 8),
             boundaries: self.boundaries,
             film_path: self.film_path,
@@ -173,7 +174,8 @@ impl RoadValues {
     }
 }
 
-/// The constants of the model by name, as `overtaking.world.constants.engine_constants` makes them.
+/// The constants of the model by name, as `overtaking.world.constants.engine_constants` makes them. `ModelConstants`
+/// describes them.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct ConstantValues {

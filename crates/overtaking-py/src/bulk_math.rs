@@ -1,9 +1,9 @@
 //! Python functions for random numbers and elementary functions of whole float32 arrays.
 //!
-//! `overtaking.core.native` wraps them. Each gives the same bits as the function in Python that its documentation
-//! names; `overtaking_core::math::bulk` does the work. An array that is not contiguous or holds another type of number
-//! raises `TypeError`. The annotation `np.floating[Any]` is how type checkers see `overtaking.core.arrays.F32`, a
-//! float32 array.
+//! `overtaking.core.native` wraps them. Each gives the same bits as the Python function that its documentation names;
+//! `overtaking_core::math::bulk` does the work. An array that is not contiguous or holds another type of number raises
+//! `TypeError`. The annotation `np.floating[Any]` is how type checkers see `overtaking.core.arrays.F32`, a float32
+//! array.
 
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods};
 use overtaking_core::math::bulk::{self as core, DrawBlock, Operand};
@@ -54,7 +54,7 @@ pub fn random_words<'py>(
         stream: stream.as_slice()?,
         draw,
     };
-    // For the four arrays below: a stream number has 32 bits, as a random word has.
+    // For the four arrays below: a random word has 32 bits, as the number of a stream has.
     expect_room(4 * size_of_val(block.stream))?;
     let mut words: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
     let out = words.each_mut().map(Vec::as_mut_slice);
@@ -136,7 +136,7 @@ pub fn minimum_in_place(
     combine_in_place(values.as_slice_mut()?, others, core::minimum_in_place)
 }
 
-/// Combine each number with the operand: an array of the same length, or one number.
+/// Combine each number with an operand: an array of the same length, or one number.
 fn combine_in_place(
     values: &mut [f32],
     others: &Bound<'_, PyAny>,

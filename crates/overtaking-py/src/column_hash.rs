@@ -1,8 +1,8 @@
 //! Hashes of the columns of a table: the same values have the same hash, however Arrow stores them.
 //!
 //! `overtaking.data.tables.digest` passes the rows of a column piece by piece, as the buffers of Arrow (a format of
-//! tables in memory). Values that differ in storage only, such as slices, names in another order, or the memory behind
-//! nulls, are brought to one form first and then hashed with BLAKE3.
+//! tables in memory). This module first brings values that differ only in storage to one form: slices, names in another
+//! order, or the memory behind nulls (missing values). Then it hashes them with BLAKE3.
 
 use std::ops::Range;
 
@@ -57,7 +57,7 @@ pub struct ArrowRows {
     validity: Option<PyBuffer<u8>>,
     /// Numbers, bits, indices of names, or the bytes of all texts; `None` if the column is empty.
     data: Option<PyBuffer<u8>>,
-    /// For texts of any length, `count` + 1 positions in `data`: begin of each text, end of the last.
+    /// For texts of any length, `count` + 1 positions in `data`: the start of each text, and the end of the last.
     ends: Option<PyBuffer<u8>>,
 }
 
@@ -67,9 +67,9 @@ struct OwnedRows {
     count: usize,
     /// Index of the first row in `data` and `ends`.
     offset: usize,
-    /// As `ArrowRows::data`; empty if the column is.
+    /// As `ArrowRows::data`; empty if the column is empty.
     data: Vec<u8>,
-    /// As `ArrowRows::ends`; empty for other columns than texts.
+    /// As `ArrowRows::ends`; empty if the column has no texts.
     ends: Vec<u8>,
     /// 1 for each row without a value, else 0.
     missing: Vec<u8>,
@@ -165,13 +165,13 @@ impl ColumnHash {
     /// Add rows; returns whether any of these rows has a value.
     ///
     /// Args:
-    ///     rows: Number `count` of the rows, index `offset` of the first row in the buffers, and
-    ///         the buffers of Arrow: `validity` (None if all rows have a value), `data`, and
+    ///     rows: `count`, the number of rows; `offset`, the index of the first row in the buffers;
+    ///         and the buffers of Arrow: `validity` (None if all rows have a value), `data`, and
     ///         `ends` of texts.
     ///     meaning: For layout "codes", the code to hash for each index of a name.
     ///
     /// Raises:
-    ///     ValueError: The buffers are too short, or a row has an index of a name beyond `meaning`.
+    ///     ValueError: The buffers are too short, or the index of a name is beyond `meaning`.
     #[pyo3(signature = (
         rows: "Mapping[str, Any]",
         meaning: "Sequence[int] | None" = None,
@@ -219,14 +219,13 @@ impl ColumnHash {
     }
 }
 
-/// Bytes of a buffer; an error if the buffer is shorter.
+/// The bytes of a range of a buffer; an error if the buffer is too short.
 fn slice_buffer(buffer: &[u8], range: Range<usize>) -> PyResult<&[u8]> {
     let too_short = || PyValueError::new_err("rows: expected data of all of them");
     buffer.get(range).ok_or_else(too_short)
 }
 
-/// Expand `count` bits from bit `offset` on to bytes of 0 or 1. Each octet is combined with `flip_mask` by exclusive or
-/// before: 255 inverts all bits, 0 keeps them.
+/// Expand `count` bits from bit `offset` on to bytes of 0 or 1. A `flip_mask` of 255 inverts all bits, 0 keeps them.
 fn bits_to_bytes(bits: &[u8], offset: usize, count: usize, flip_mask: u8) -> PyResult<Vec<u8>> {
     const ONES: u64 = 0x0101_0101_0101_0101;
     let octets = slice_buffer(bits, offset / 8..(offset + count).div_ceil(8))?;
@@ -274,7 +273,7 @@ fn clear_missing<const WIDTH: usize>(buffer: &mut [u8], missing: &[u8]) {
     }
 }
 
-/// Append the code of each row's name, -1 for a missing row.
+/// Append the code of each row's name, -1 for a missing name.
 fn append_codes(rows: &OwnedRows, meaning: &[i8], out: &mut Vec<u8>) -> PyResult<()> {
     let name_indices = read_integers(&rows.data, rows.offset, rows.count)?;
     let mut invalid_index = None;
@@ -315,7 +314,7 @@ fn append_texts(
     Ok(())
 }
 
-/// The begin of each text in the data, and the end of the last one.
+/// The start of each text in the data, and the end of the last one.
 fn text_ends(rows: &OwnedRows) -> PyResult<Vec<usize>> {
     if rows.count == 0 {
         return Ok(vec![0]);

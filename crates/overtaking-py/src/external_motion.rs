@@ -21,12 +21,14 @@ use crate::with_borrowed_outputs;
 #[pyclass]
 pub struct ExternallyMovedSimulation {
     simulation: Box<dyn ExternallyMoved>,
+    /// Arrays of the recording, owned by Python.
     outputs: Py<PyDict>,
+    /// Number of frames for which `outputs` have memory.
     frames: usize,
     num_slots: usize,
 }
 
-/// Requests of the drivers, (field, slot), lamps in the last frame, (slot), and the last step of the simulation.
+/// Requests of the drivers, (field, slot); lamps in the last recorded frame, (slot); the last step of the simulation.
 type DriverOutputArrays<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<u8>>, i64);
 
 #[pymethods]
@@ -61,7 +63,7 @@ impl ExternallyMovedSimulation {
         level: Option<&str>,
     ) -> PyResult<Self> {
         let (py, inputs) = (inputs.py(), inputs.get());
-        // One number for each simulation.
+        // `scenario_index` has one number for each simulation.
         expect_length("scenario_index", inputs.num_simulations, 1)?;
         let level = require_level(level).map_err(PyValueError::new_err)?;
         let num_slots = inputs.num_slots;
@@ -85,8 +87,8 @@ impl ExternallyMovedSimulation {
     ///     contacts: Slot, slot of the other vehicle, time [s], size of the impulse [N s], and
     ///         closing speed [m/s]. A contact is recorded for its first slot only; the other
     ///         vehicle needs an entry of its own.
-    ///     step: Step of the contacts; may be negative, before the first decision. An accident of
-    ///         the ego ends the simulation soon after it.
+    ///     step: Step of the contacts; may be negative, before the first decision. A contact of
+    ///         the ego ends the simulation soon after this step.
     ///
     /// Raises:
     ///     ValueError: A slot does not exist.
@@ -164,7 +166,7 @@ impl ExternallyMovedSimulation {
     ///
     /// Args:
     ///     wind_trim: Part of the wheel angle [rad], or of the lateral acceleration of a
-    ///         two-wheeler [m/s^2], that holds against crosswind, (slot,).
+    ///         two-wheeler [m/s^2], that compensates crosswind, (slot,).
     ///
     /// Returns:
     ///     Wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2], (slot,).
@@ -184,7 +186,7 @@ impl ExternallyMovedSimulation {
             .into_pyarray(py))
     }
 
-    /// Record a frame, if one is due, for which the drivers of the other simulator have decided.
+    /// Record a frame, if one is due, in which the other simulator drives all vehicles.
     ///
     /// Args:
     ///     motion: As in `decide`.
@@ -235,7 +237,7 @@ impl ExternallyMovedSimulation {
         self.simulation.is_ego_wrecked()
     }
 
-    /// Write the last frames, the contacts and the hash of what is recorded to the outputs.
+    /// Write the last frames, the contacts and the hash of the recording to the outputs.
     #[pyo3(signature = () -> "None")]
     fn finish(&mut self, py: Python<'_>) -> PyResult<()> {
         let (frames, num_slots) = (self.frames, self.num_slots);

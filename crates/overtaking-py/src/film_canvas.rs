@@ -2,9 +2,9 @@
 //!
 //! `overtaking.show.video` draws each picture of a film on a `Canvas`: it copies the road, adds `Drawing`s of vehicles,
 //! blends fog, darkens the night and converts the picture for the encoder. Copying, blending, darkening and conversion
-//! are plain loops over integers. `dispatch` compiles each loop for all widths of vectors and takes the widest of the
-//! CPU at run time; the compiler vectorizes it, so the argument `_simd` is not used. tiny-skia takes ten times as long,
-//! because it is compiled for the narrowest vectors.
+//! are plain loops over integers. `dispatch` compiles each loop for vectors of all widths and runs the variant for the
+//! widest vectors of the CPU. The compiler vectorizes the loops, so the argument `_simd` is not used. tiny-skia would
+//! take ten times as long, because it is compiled for the narrowest vectors.
 
 use std::ops::Range;
 
@@ -24,7 +24,7 @@ use crate::inputs::expect_length;
 use crate::spread::{expect_room, reserve};
 
 /// Number of bytes of a pixel: red, green, blue and opacity.
-const BYTES: usize = 4;
+const PIXEL_BYTES: usize = 4;
 /// The share 1 in integer arithmetic: a power of two, so that a division is a shift.
 const WHOLE: u16 = 256;
 
@@ -42,10 +42,10 @@ impl Canvas {
         self.0.width() as usize
     }
 
-    /// The bytes of each of some rows; an error if the canvas does not have them.
+    /// The bytes of some rows, row by row; an error if the canvas does not have them.
     fn rows(&mut self, rows: Range<usize>) -> PyResult<std::slice::ChunksExactMut<'_, u8>> {
-        let size = self.width() * BYTES;
-        // Before the multiplication, which overflows for a row far beyond the picture.
+        let size = self.width() * PIXEL_BYTES;
+        // This check precedes the multiplication, which would overflow for a row far beyond the picture.
         if rows.start > rows.end || rows.end > self.0.height() as usize {
             return Err(PyValueError::new_err("rows: expected some of the canvas"));
         }
@@ -68,7 +68,7 @@ impl Canvas {
         expect_room(
             (width as usize)
                 .saturating_mul(height as usize)
-                .saturating_mul(BYTES),
+                .saturating_mul(PIXEL_BYTES),
         )?;
         let mut pixmap = Pixmap::new(width, height)
             .ok_or_else(|| PyValueError::new_err("canvas: expected a width and a height"))?;
@@ -142,10 +142,10 @@ impl Canvas {
                 "columns: expected some of both pictures",
             ));
         }
-        let lines = other.0.data().chunks_exact(other.width() * BYTES);
+        let lines = other.0.data().chunks_exact(other.width() * PIXEL_BYTES);
         for (line, source) in self.rows(y..y + height)?.zip(lines) {
-            line[x * BYTES..(x + end - first) * BYTES]
-                .copy_from_slice(&source[first * BYTES..end * BYTES]);
+            line[x * PIXEL_BYTES..(x + end - first) * PIXEL_BYTES]
+                .copy_from_slice(&source[first * PIXEL_BYTES..end * PIXEL_BYTES]);
         }
         Ok(())
     }
@@ -172,7 +172,7 @@ impl Canvas {
         let [red, green, blue] = parse_colour(colour)?;
         expect_length("hidden", hidden.len(), self.width())?;
         let hidden = hidden.as_slice()?;
-        // One factor and one summand for each byte of a row, computed once for all rows.
+        // One factor and one summand for each byte of a row, computed once for all rows. The opacity stays 255.
         let for_each_byte = |compute: fn(u16, u16) -> u16| -> Vec<u16> {
             let pixel = |&share: &u16| {
                 let share = share.min(WHOLE);
@@ -237,7 +237,7 @@ impl Canvas {
     ///     SystemLimitError: The system grants too little memory.
     #[pyo3(signature = () -> "NDArray[np.uint8]")]
     fn to_rgb<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        let pixels = self.0.data().chunks_exact(BYTES);
+        let pixels = self.0.data().chunks_exact(PIXEL_BYTES);
         let mut components = reserve(3 * pixels.len())?;
         components.extend(pixels.flat_map(|pixel| &pixel[..3]));
         PyArray1::from_vec(py, components).reshape([self.0.height() as usize, self.width(), 3])
@@ -258,8 +258,12 @@ impl Canvas {
                 "canvas: expected an even width and height",
             ));
         }
-        expect_length("a frame", out.len(), self.0.data().len() / BYTES * 3 / 2)?;
-        let (out, size) = (out.as_slice_mut()?, self.0.data().len() / BYTES);
+        expect_length(
+            "a frame",
+            out.len(),
+            self.0.data().len() / PIXEL_BYTES * 3 / 2,
+        )?;
+        let (out, size) = (out.as_slice_mut()?, self.0.data().len() / PIXEL_BYTES);
         let (luma, chroma) = out.split_at_mut(size);
         py.detach(
             || dispatch!(Level::new(), _simd => convert(self.0.data(), self.width(), luma, chroma)),
@@ -268,14 +272,14 @@ impl Canvas {
     }
 }
 
-/// First row or column, and the one after the last.
+/// The first row or column, and the row or column after the last.
 type RowRange = (usize, usize);
 
 /// Multiply each byte of a row by its factor, add its summand, and divide by `WHOLE`, rounding down.
 #[inline(always)]
 fn blend(line: &mut [u8], factors: &[u16], summands: &[u16]) {
     for ((sample, factor), summand) in line.iter_mut().zip(factors).zip(summands) {
-        // Factor and summand share `WHOLE`, so the sum is at most 255 * 256, and nothing wraps.
+        // The weights of sample and colour add up to `WHOLE`, so the sum is at most 255 * 256, and nothing wraps.
         *sample = ((u16::from(*sample)
             .wrapping_mul(*factor)
             .wrapping_add(*summand))
@@ -283,7 +287,7 @@ fn blend(line: &mut [u8], factors: &[u16], summands: &[u16]) {
     }
 }
 
-/// Add the light of a lamp to `lit`, rows of `width` values; ignore the parts outside.
+/// Add the light of a lamp to `lit`, rows of `width` values; ignore its parts outside.
 ///
 /// `light` has rows of `columns` values, and its upper left corner is in column `x` and row `y` of `lit`.
 fn add_light(lit: &mut [u8], width: usize, (light, columns): (&[u8], usize), (x, y): (i64, i64)) {
@@ -293,7 +297,7 @@ fn add_light(lit: &mut [u8], width: usize, (light, columns): (&[u8], usize), (x,
     let last = (x + columns as i64).clamp(first, width as i64);
     for (row, line) in (y..).zip(light.chunks_exact(columns)) {
         let start = row * width as i64;
-        // Without meaning for a row above the picture, which `row >= 0` leaves out.
+        // For a row above the picture this number is wrong; `row >= 0` excludes such rows.
         let end = (start + last) as usize;
         if row >= 0 && first < last && end <= lit.len() {
             let visible = &line[(first - x) as usize..];
@@ -305,13 +309,14 @@ fn add_light(lit: &mut [u8], width: usize, (light, columns): (&[u8], usize), (x,
     }
 }
 
-/// Multiply the pixels of each row by their light; each value of `lit` holds for two times two pixels.
+/// Multiply the pixels of each row by their light. Each value of `lit` is the light of a square of two times two
+/// pixels.
 #[inline(always)]
 fn darken_lines(lines: std::slice::ChunksExactMut<'_, u8>, lit: &[u8], width: usize) {
-    let mut factors = vec![WHOLE; 2 * width * BYTES];
+    let mut factors = vec![WHOLE; 2 * width * PIXEL_BYTES];
     for (row, line) in lines.enumerate() {
         if row % 2 == 0 {
-            let pairs = factors.chunks_exact_mut(2 * BYTES);
+            let pairs = factors.chunks_exact_mut(2 * PIXEL_BYTES);
             for (pair, &light) in pairs.zip(&lit[row / 2 * width..]) {
                 // Stretches 0..=255 to 0..=256, so that full light changes nothing.
                 let light = u16::from(light) + u16::from(light >> 7);
@@ -331,23 +336,23 @@ fn darken_lines(lines: std::slice::ChunksExactMut<'_, u8>, lit: &[u8], width: us
 /// half a divisor before a shift rounds to the nearest.
 #[inline(always)]
 fn convert(data: &[u8], width: usize, luma: &mut [u8], chroma: &mut [u8]) {
-    for (pixel, y) in data.chunks_exact(BYTES).zip(luma) {
+    for (pixel, y) in data.chunks_exact(PIXEL_BYTES).zip(luma) {
         let [red, green, blue] = [0, 1, 2].map(|component| u16::from(pixel[component]));
         *y = ((66 * red + 129 * green + 25 * blue + 128) >> 8) as u8 + 16;
     }
     let (u, v) = chroma.split_at_mut(chroma.len() / 2);
-    let row_pairs = data.chunks_exact(2 * width * BYTES);
+    let row_pairs = data.chunks_exact(2 * width * PIXEL_BYTES);
     let planes = u
         .chunks_exact_mut(width / 2)
         .zip(v.chunks_exact_mut(width / 2));
     for (row_pair, (u, v)) in row_pairs.zip(planes) {
-        let (upper, lower) = row_pair.split_at(width * BYTES);
+        let (upper, lower) = row_pair.split_at(width * PIXEL_BYTES);
         let squares = upper
-            .chunks_exact(2 * BYTES)
-            .zip(lower.chunks_exact(2 * BYTES));
+            .chunks_exact(2 * PIXEL_BYTES)
+            .zip(lower.chunks_exact(2 * PIXEL_BYTES));
         for ((up, down), (u, v)) in squares.zip(u.iter_mut().zip(v)) {
             let [red, green, blue] = [0, 1, 2].map(|component| {
-                let next = component + BYTES;
+                let next = component + PIXEL_BYTES;
                 let samples = [up[component], up[next], down[component], down[next]];
                 (samples.into_iter().map(i16::from).sum::<i16>() + 2) >> 2
             });
@@ -358,11 +363,11 @@ fn convert(data: &[u8], width: usize, luma: &mut [u8], chroma: &mut [u8]) {
     }
 }
 
-/// Lower and upper end along an axis; in a list of points, x and y.
+/// Lower and upper end along an axis. In a list of points, the pair is x and y.
 type Interval = (f32, f32);
 
-/// A cubic Bezier curve approximates a quarter circle if its control points are this far from its ends, in radii:
-/// 4 / 3 (sqrt(2) - 1).
+/// Distance of the control points of a cubic Bezier curve from its ends, in radii, with which the curve approximates a
+/// quarter circle: 4 / 3 (sqrt(2) - 1).
 const QUARTER: f32 = 0.552_285;
 
 /// One shape of a drawing.

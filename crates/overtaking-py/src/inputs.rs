@@ -1,4 +1,4 @@
-//! Recordings and signals of Python as the slices that the labels read; arrays that do not fit are refused.
+//! Recordings and signals of Python as the slices that the labels read, with checks of their shapes.
 
 use numpy::{
     Element, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArrayDyn,
@@ -15,7 +15,7 @@ pub type Ints<'py> = PyReadonlyArray1<'py, i32>;
 pub type Floats<'py> = PyReadonlyArray1<'py, f32>;
 pub type Bytes<'py> = PyReadonlyArray1<'py, u8>;
 
-/// Refuse an array of another length.
+/// Reject an array of another length.
 pub fn expect_length(name: &str, length: usize, expected_length: usize) -> PyResult<()> {
     if length == expected_length {
         return Ok(());
@@ -42,6 +42,7 @@ pub fn borrow_output<'py, T: Element>(
 /// The frames of each simulation and vehicle of an array (simulation, vehicle, time).
 pub fn rows<'a, T: Element>(array: &'a PyReadonlyArray3<'_, T>) -> PyResult<Vec<&'a [T]>> {
     let (simulations, vehicles) = (array.shape()[0], array.shape()[1]);
+    // The fast way for one contiguous block; `chunks_exact` takes no length of 0.
     if let (Ok(whole), frames @ 1..) = (array.as_slice(), array.shape()[2]) {
         let mut rows = reserve(simulations * vehicles)?;
         rows.extend(whole.chunks_exact(frames));
@@ -75,6 +76,7 @@ pub fn simulation_rows<'a, T: Element>(
 }
 
 /// A batch of recordings: states (simulation, vehicle, time), vehicles (simulation, vehicle) flat, and numbers.
+/// `PackedRecording` describes the fields.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct RecordingArrays<'py> {
@@ -101,7 +103,7 @@ impl RecordingArrays<'_> {
     /// Numbers of simulations, vehicle slots and frames.
     ///
     /// # Errors
-    /// `ValueError`: Arrays do not fit each other.
+    /// `ValueError`: The arrays have different shapes, or the number of lanes is out of range.
     pub fn shape(&self) -> PyResult<[usize; 3]> {
         let states = [
             self.d.shape(),
@@ -129,6 +131,7 @@ impl RecordingArrays<'_> {
         expect_length("length", self.length.len(), simulations * slots)?;
         expect_length("width", self.width.len(), simulations * slots)?;
         expect_length("valid", self.valid.len(), simulations * slots)?;
+        // An error unless the number is in the range 1 to `MAX_LANES`.
         expect_length("lanes", self.num_lanes.clamp(1, MAX_LANES), self.num_lanes)?;
         Ok([simulations, slots, frames])
     }
@@ -170,8 +173,8 @@ macro_rules! signal_arrays {
         }
 
         impl SignalArrays<'_> {
-            /// The signals as slices, for scans that do not read neighbours: their slots are not checked, which would
-            /// take as long as such a scan.
+            /// The signals as slices, for scans that do not read neighbours. The slots of neighbours are not checked,
+            /// because the check would take as long as such a scan.
             pub fn views_without_neighbours(
                 &self,
                 recording: &PackedRecording<'_>,
@@ -186,7 +189,7 @@ macro_rules! signal_arrays {
 with_signal_views! { signal_arrays! }
 
 impl SignalArrays<'_> {
-    /// The signals as slices, if they fit a recording and their neighbours are vehicles of it.
+    /// The signals as slices, if they have the shape of a recording and their neighbours are vehicles of it.
     pub fn views(&self, recording: &PackedRecording<'_>) -> PyResult<SignalViews<'_>> {
         let signals = self.views_without_neighbours(recording)?;
         expect_slots(
@@ -200,8 +203,8 @@ impl SignalArrays<'_> {
 
 /// Reject slots that a recording does not have; `NO_VEHICLE` is allowed.
 pub fn expect_slots(name: &str, slots: &[u8], num_slots: usize) -> PyResult<()> {
-    // `NO_VEHICLE`, 255, wraps to 0. The compiler vectorizes the search for the largest byte, but not a search for the
-    // first wrong one, which runs only for the message.
+    // `NO_VEHICLE`, 255, wraps to 0. The compiler vectorizes the search for the largest byte. It does not vectorize the
+    // search for the first invalid slot, which runs only for the message.
     let largest = slots
         .iter()
         .fold(0, |largest: u8, slot| largest.max(slot.wrapping_add(1)));

@@ -15,8 +15,8 @@ use crate::batch_inputs::PyInputs;
 use crate::inputs::expect_length;
 use crate::spread::{spread, spread_without_room};
 
-/// Upper bound of the memory of a simulation that waits between calls [bytes]: parameters and states of 32 vehicles,
-/// numbers of 4 bytes, and their histories.
+/// Upper bound of the memory of a simulation that waits between calls [bytes]: parameters, states and histories of 32
+/// vehicles, in numbers of 4 bytes.
 const STEPPED_BYTES: usize = 64 << 10;
 
 /// A batch that waits at every decision for the actions of an external driver.
@@ -27,11 +27,12 @@ pub struct Stepper {
     batch: Box<dyn SteppedBatch>,
     num_simulations: usize,
     num_slots: usize,
+    /// Observations before the first decision.
     start: EgoObservations,
 }
 
-/// Observations of the egos, (simulation, field), which simulations run, and how many decisions of the call each
-/// simulation has carried out.
+/// Observations of the egos, (simulation, field); whether each simulation runs; number of decisions of the call that
+/// each simulation has carried out.
 type ObservationArrays<'py> = (
     Bound<'py, PyArray2<f32>>,
     Bound<'py, PyArray1<bool>>,
@@ -99,7 +100,7 @@ impl Stepper {
         })
     }
 
-    /// Observations at the start, (simulation, field); which simulations run; zeros.
+    /// Observations at the start, in the format of `step`, with 0 decisions carried out.
     #[pyo3(signature = () -> "tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.uint32]]")]
     fn observe_start<'py>(&self, py: Python<'py>) -> PyResult<ObservationArrays<'py>> {
         to_arrays(py, self.start.clone())
@@ -108,12 +109,13 @@ impl Stepper {
     /// Carry out one action of each simulation for some decisions.
     ///
     /// Args:
-    ///     values: Numbers of the actions, shape (simulation, part).
+    ///     values: Parts of the actions as multiples of their resolution, shape (simulation, part).
     ///     decisions: Number of decisions, at least 1.
     ///
     /// Returns:
-    ///     Observations, for a simulation that ended within the step those at its end; which
-    ///     simulations run; the number of decisions that each carried out.
+    ///     Observations after the decisions, or at the end of a simulation that ended earlier,
+    ///     (simulation, field); whether each simulation runs; the number of decisions that each
+    ///     has carried out.
     ///
     /// Raises:
     ///     ValueError: The actions have another length.

@@ -62,7 +62,7 @@ pub fn maximum_in_place(values: &mut [f32], others: &Operand<'_>) {
     });
 }
 
-/// Replace each number by the smaller of itself and the operand, with the same rule for equal numbers.
+/// Replace each number by the smaller of itself and the operand; equal numbers give the operand.
 pub fn minimum_in_place(values: &mut [f32], others: &Operand<'_>) {
     combine_in_place(values, others, |value, operand| {
         if value < operand { value } else { operand }
@@ -90,6 +90,7 @@ pub fn normal_pairs_in_place(level: Level, u: &mut [f32], v: &mut [f32]) {
 
 fn fill_words<S: Simd>(simd: S, block: &DrawBlock<'_>, out: [&mut [u32]; 4]) {
     let key = [block.seed as u32, (block.seed >> 32) as u32];
+    // `a` to `d` are the first to fourth words.
     let [a, b, c, d] = out;
     let out = a.chunks_mut(SIMD_LANES).zip(b.chunks_mut(SIMD_LANES));
     let out = out.zip(c.chunks_mut(SIMD_LANES).zip(d.chunks_mut(SIMD_LANES)));
@@ -141,6 +142,7 @@ fn fill_pairs<S: Simd>(simd: S, u: &mut [f32], v: &mut [f32]) {
             #[inline(always)]
             || {
                 let radius = (-2.0 * log(load(simd, u))).sqrt();
+                // 2 pi times v.
                 let (sine, cosine) = sincos(6.283_185_5 * load(simd, v));
                 store(u, radius * cosine);
                 store(v, radius * sine);
@@ -149,7 +151,7 @@ fn fill_pairs<S: Simd>(simd: S, u: &mut [f32], v: &mut [f32]) {
     }
 }
 
-/// Load at most sixteen numbers; the other lanes are 1, where every function here is defined.
+/// Load at most sixteen numbers; the other lanes are 1, for which every function here is defined.
 #[inline(always)]
 fn load<S: Simd>(simd: S, row: &[f32]) -> F32<S> {
     let mut values = [1.0; SIMD_LANES];

@@ -1,10 +1,11 @@
 //! Elementary functions of `f32` with the same bits on every machine.
 //!
 //! `overtaking.core.float32_math` has the same operations in the same order. Its docstrings cite the source of the
-//! polynomials, the Cephes library, and state the largest errors. Functions of the system are not used, because their
-//! last bit differs between systems.
+//! polynomials, the Cephes library, and state the largest errors. The functions of the system would not do, because
+//! their last bit differs between systems.
 //!
 //! As in Python, `r` or `m` is the argument mapped to a small interval around 0, `z` its square and `p` the polynomial.
+//! `s` and `c` are the sine and cosine of `r`.
 
 // The coefficients are written as in Python, so that both can be compared digit by digit.
 #![allow(clippy::excessive_precision, clippy::approx_constant)]
@@ -31,7 +32,7 @@ pub fn exp<S: Simd>(x: F32<S>) -> F32<S> {
     let x = clamp_to(x, -87.0, 88.0);
     // exp(x) = 2^k * exp(r) with |r| <= ln(2) / 2.
     let k = (x * 1.442_695_04).round_ties_even();
-    // ln 2 in two parts, so that the subtraction loses no digits.
+    // ln 2 in two parts. The product of `k` and the first part is exact, so the subtraction loses no digits.
     let r = x - k * 0.693_359_375 - k * -2.121_944_4e-4;
     let p = 1.987_569_1e-4 * r + 1.398_199_9e-3;
     let p = p * r + 8.333_452e-3;
@@ -67,6 +68,8 @@ pub fn log<S: Simd>(x: F32<S>) -> F32<S> {
     let p = p * m + 2.000_071_5e-1;
     let p = p * m + -2.499_999_4e-1;
     let p = p * m + 3.333_333_1e-1;
+    // log(1 + m) = m - m^2 / 2 + m^3 p(m), and ln 2 is in two parts. The largest terms are added last: the smaller ones
+    // would lose bits beside them.
     let y = p * m * z + e * -2.121_944_4e-4 - 0.5 * z;
     m + y + e * 0.693_359_375
 }
@@ -105,7 +108,7 @@ fn sincos_reduced<S: Simd>(r: F32<S>) -> (F32<S>, F32<S>) {
 #[inline(always)]
 fn sincos_full<S: Simd>(x: F32<S>) -> (F32<S>, F32<S>) {
     let k = (x * 0.636_619_77).round_ties_even();
-    // Pi / 2 in three parts, so that the subtraction loses no digits.
+    // Pi / 2 in three parts, so that the subtraction loses no digits; 0.6366 is 2 / pi.
     let r = x - k * 1.570_312_5 - k * 4.837_512_969_970_703e-4 - k * 7.549_789_95e-8;
     let quarter_turns: i32x16<S> = k.to_int();
     let quadrant = quarter_turns & 3;

@@ -1,8 +1,9 @@
 //! Counter-based random numbers: Philox 4x32-10 (Salmon et al., SC'11), sixteen simulations at a time.
 //!
 //! The generator has no state. It maps a key (the seed of the data set), a scenario index (lower and upper 32 bits),
-//! a stream (the purpose of the draws) and the number of a draw to four random words of 32 bits. A simulation
-//! therefore has the same random numbers in every batch. `overtaking.core.random_numbers` is the Python twin.
+//! a stream (the purpose of the draws) and the number of a block to a block of four random words of 32 bits. So a
+//! simulation has the same random numbers in every batch. `overtaking.core.random_numbers` is the Python twin. The
+//! multipliers and the steps of the key are those of the Random123 library.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, u32x16};
@@ -12,12 +13,12 @@ use crate::math::vectors::{F32, SIMD_LANES};
 const ROUNDS: usize = 10;
 /// Mask of the lower 32 bits.
 const WORD: u64 = 0xFFFF_FFFF;
-/// Stream of gusts and errors of perception; the vehicle's slot is added.
+/// Stream of gusts, errors of perception and wandering in the lane; the vehicle's slot is added.
 pub const MOTION: u32 = 0x300;
-/// Stream of looks over the shoulder; the vehicle's slot is added.
+/// Stream of looks over the shoulder before a lane change; the vehicle's slot is added.
 pub const GLANCES: u32 = 0x400;
 
-/// The four random words with number `draw` in `stream`, for each simulation of a block.
+/// The four random words of block number `draw` in `stream`, for each of sixteen simulations.
 ///
 /// `low` and `high` are the lower and upper 32 bits of the scenario indices.
 #[inline(always)]
@@ -48,12 +49,12 @@ pub fn words_of_streams(
     let [mut k0, mut k1] = key;
     for _ in 0..ROUNDS {
         for lane in 0..SIMD_LANES {
-            let p0 = (c0[lane] & WORD) * 0xD251_1F53;
-            let p1 = (c2[lane] & WORD) * 0xCD9E_8D57;
-            c0[lane] = (p1 >> 32) ^ c1[lane] ^ u64::from(k0);
-            c1[lane] = p1;
-            c2[lane] = (p0 >> 32) ^ c3[lane] ^ u64::from(k1);
-            c3[lane] = p0;
+            let product0 = (c0[lane] & WORD) * 0xD251_1F53;
+            let product1 = (c2[lane] & WORD) * 0xCD9E_8D57;
+            c0[lane] = (product1 >> 32) ^ c1[lane] ^ u64::from(k0);
+            c1[lane] = product1;
+            c2[lane] = (product0 >> 32) ^ c3[lane] ^ u64::from(k1);
+            c3[lane] = product0;
         }
         k0 = k0.wrapping_add(0x9E37_79B9);
         k1 = k1.wrapping_add(0xBB67_AE85);
@@ -61,11 +62,13 @@ pub fn words_of_streams(
     [c0, c1, c2, c3].map(|lanes| lanes.map(|word| word as u32))
 }
 
-/// Convert random words to uniform numbers in (0, 1): the middle of one of 2^23 equal intervals, by the upper 23 bits.
+/// Convert random words to uniform numbers in (0, 1): the upper 23 bits select one of 2^23 equal intervals, and the
+/// number is its middle.
 #[inline(always)]
 pub fn uniform<S: Simd>(simd: S, word: [u32; SIMD_LANES]) -> F32<S> {
     let bits = u32x16::simd_from(simd, word) >> 9;
     let number: F32<S> = bits.to_float();
+    // Times 2^-23.
     (number + 0.5) * 1.192_092_9e-7
 }
 

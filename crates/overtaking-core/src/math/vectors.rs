@@ -166,17 +166,18 @@ macro_rules! with_cpu_features {
 }
 pub(crate) use with_cpu_features;
 
-/// Whether each simulation loads the value of its own slot; otherwise all slots are compared with it.
+/// Whether `each_at_slot` loads one value for each simulation; if not, it compares every slot of the block with `slot`.
 ///
-/// With up to 8 slots, seven comparisons are faster than sixteen loads. They also are with any number of slots where a
-/// vector is as wide as a block (AVX-512), because one comparison then serves all sixteen simulations.
+/// With up to 8 slots, seven comparisons are faster than sixteen loads. Where a vector is as wide as a block (AVX-512),
+/// comparisons are faster for any number of slots, because one comparison then serves all sixteen simulations.
+/// `_slot` only states the SIMD level.
 #[inline(always)]
 pub fn loads_own_slot<S: Simd>(_slot: F32<S>, capacity: usize) -> bool {
     let is_block_wide = size_of::<S::f32s>() >= size_of::<[f32; SIMD_LANES]>();
     capacity > SLOT_CAPACITIES[0] && !is_block_wide
 }
 
-/// Slots as indices; 0 where there is no vehicle.
+/// Slots as indices; 0 for `NO_SLOT`, which is -1.
 #[inline(always)]
 pub fn slot_indices<S: Simd>(slot: F32<S>) -> [usize; SIMD_LANES] {
     let indices: i32x16<S> = at_least(slot, 0.0).to_int();
