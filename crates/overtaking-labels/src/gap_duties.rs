@@ -323,6 +323,7 @@ impl<'a> RecentCutIns<'a> {
 
     /// Whether the time in which the ego may regain its gap after a cut-in of the vehicle is not over yet.
     fn has_cut_in_recently(&self, vehicle_slot: u8, frame: usize) -> bool {
+        // The cut-ins of a whole block are added before its frames are judged, so a cut-in can be later than `frame`.
         let is_recent =
             |cut_in: usize| cut_in <= frame && frame - cut_in <= self.scan.law.regain_frames;
         let mut cut_ins = self.cut_ins.iter();

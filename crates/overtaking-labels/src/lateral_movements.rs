@@ -101,11 +101,11 @@ pub(crate) struct EgoDrive<'a> {
     pub(crate) road_departure: Option<usize>,
     /// Frame in which the ego stands across the road.
     pub(crate) spin: Option<usize>,
-    /// Slot with which the ego has collided so far, frame by frame.
+    /// Slot of the vehicle with which the ego has collided so far, frame by frame; `NO_VEHICLE` before a collision.
     pub(crate) collided_with: &'a [u8],
 }
 
-/// An unbroken movement; both frames belong to it.
+/// An unbroken movement from its first to its last frame; both belong to it.
 #[derive(Clone, Copy)]
 pub(crate) struct Movement {
     pub(crate) first: usize,
@@ -169,7 +169,7 @@ impl<'a> EgoDrive<'a> {
         self.has_corner_over_line(frame) && self.has_been_inside(frame)
     }
 
-    /// Whether a corner of the ego is beyond the left line of its lane, by `over_line` at least.
+    /// Whether a corner of the ego is beyond the left line of its lane by more than `over_line`.
     fn has_corner_over_line(&self, frame: usize) -> bool {
         let signals = &self.track.signals;
         let line = self.left_line(signals.lane[frame]);

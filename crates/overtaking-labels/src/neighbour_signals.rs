@@ -196,7 +196,7 @@ pub fn target_signals(
         |simulation, num_computed, out| {
             let signals = signals.of_simulation(simulation, recording.max_frames);
             let has_target = target_slot[simulation] != NO_VEHICLE;
-            // Without a target the signals are those of the ego, and `valid` is false in every frame.
+            // Without a target the arrays hold signals of the ego, and `valid` is false in every frame.
             let slot = if has_target {
                 usize::from(target_slot[simulation])
             } else {

@@ -173,7 +173,7 @@ impl Canvas {
         expect_length("hidden", hidden.len(), self.width())?;
         let hidden = hidden.as_slice()?;
         // One factor and one summand for each byte of a row, computed once for all rows. The opacity stays 255.
-        let for_each_byte = |compute: fn(u16, u16) -> u16| -> Vec<u16> {
+        let values_per_byte = |compute: fn(u16, u16) -> u16| -> Vec<u16> {
             let pixel = |&share: &u16| {
                 let share = share.min(WHOLE);
                 [red, green, blue, 255].map(|component| compute(share, u16::from(component)))
@@ -181,8 +181,8 @@ impl Canvas {
             hidden.iter().flat_map(pixel).collect()
         };
         let (factors, summands) = (
-            for_each_byte(|share, _| WHOLE - share),
-            for_each_byte(|share, component| share * component),
+            values_per_byte(|share, _| WHOLE - share),
+            values_per_byte(|share, component| share * component),
         );
         let lines = self.rows(rows.0..rows.1)?;
         py.detach(

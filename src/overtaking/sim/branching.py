@@ -234,6 +234,7 @@ def apply_intervention(scenario: Scenario, intervention: Intervention) -> Scenar
     weather = scenario.weather if intervention.weather is None else intervention.weather
     if len(weather.rain) == 1:  # One weather for all simulations.
         weather = weather.select(np.zeros(scenario.num_simulations, np.int64))
+    # `without` names the weather factors that the intervention removes.
     new_scenario = scenario.replace(weather=weather.without(*intervention.without))
     if not intervention.is_about_vehicle:
         return new_scenario
@@ -310,11 +311,11 @@ def with_final_conditions(
     versions: Sequence[ScenarioVersion],
     interventions: Sequence[Intervention],
 ) -> Trajectories:
-    """The recording of a branch, with the scenarios by which events and law are judged.
+    """The recording of a branch, with the scenarios by which its events and breaches are judged.
 
-    These are the scenarios of the last version, but with the positions and speeds at frame 0. In
-    the last version `start_s` and `start_speed` include the changes at later frames, and the
-    stations of removed vehicles far before the road.
+    These are the scenarios of the last version, but with the positions and speeds at frame 0: in
+    the last version, `start_s` and `start_speed` include changes at later frames, and removed
+    vehicles are far before the road.
 
     Args:
         trajectories: The recording.

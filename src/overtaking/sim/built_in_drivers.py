@@ -141,7 +141,7 @@ def _wants_to_overtake(observation: Observation) -> Mask:
     is_slow = vehicle.desired_speed - leader_speed > MIN_SPEED_GAIN
     is_near = (leader.is_detected > 0) & (leader.gap < PULL_OUT_TIME_GAP * ego.speed)
     is_clear = _is_clear(observation, observation.left_leader, observation.left_follower)
-    is_two_way = passing.expected_closing_speed > 0  # On one-way roads all columns are zero.
+    is_two_way = passing.expected_closing_speed > 0  # On one-way roads `passing` is zero.
     # Ahead of the leader the ego needs its length and two time gaps: before it and behind it.
     min_return_gap = 2.0 * MIN_TIME_GAP * leader_speed + 2.0 * vehicle.half_length
     can_use_opposing_lane = (
@@ -298,7 +298,7 @@ class OnnxDriver:
         # Ends the process when this object is deleted.
         weakref.finalize(self, self._worker.close)
         # `sim.network_process` describes the messages. `widths` are the allowed numbers of columns:
-        # with and without those of a pass.
+        # a network may leave out the columns of a pass.
         limits = {
             "memory_mib": MEMORY_MIB,
             "widths": (OBSERVATION_SIZE, OBSERVATION_SIZE - len(PASSING_COLUMNS)),

@@ -59,9 +59,9 @@ class Driver:
             `Scenario` of each batch before its start.
         observation: `human` for the beliefs of the model driver, `truth` for the true state, or a
             `Sensor` that measures the true state.
-        action: Action space of the answers, a name in `ACTION_SPACES`.
+        action: Action space of the answers, a name in `ACTION_SPACES`; by default the first one.
         action_repeat: Number of decisions for which an answer holds, 20 a second, 1 to 200.
-        name: Name of the driver; if empty, the name of the function is shown.
+        name: Name of the driver; if it is empty, outputs show the name of the function.
         version: Version of the driver; may be empty.
     """
 

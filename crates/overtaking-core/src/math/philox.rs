@@ -3,7 +3,7 @@
 //! The generator has no state. It maps a key (the seed of the data set), a scenario index (lower and upper 32 bits),
 //! a stream (the purpose of the draws) and the number of a block to a block of four random words of 32 bits. So a
 //! simulation has the same random numbers in every batch. `overtaking.core.random_numbers` is the Python twin. The
-//! multipliers and the steps of the key are those of the Random123 library.
+//! multipliers and the steps of the key come from the Random123 library.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, u32x16};
