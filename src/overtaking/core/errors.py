@@ -36,7 +36,7 @@ MAX_MESSAGE_PART = 160
 def printable(part: object, length: int = MAX_MESSAGE_PART) -> str:
     """Write a part of a message on one line that UTF-8 can hold.
 
-    The character � replaces each control character, because a terminal would obey it.
+    The character � replaces each unprintable character, because terminals obey control characters.
 
     Args:
         part: A text, or another value, of which the message shows the `repr`.
@@ -137,8 +137,8 @@ class ConfigError(OvertakingError, ValueError):
 class NoSuchSimulationError(ConfigError, IndexError):
     """A simulation number outside the data set.
 
-    `for simulation in dataset` asks for the simulations 0, 1, 2 and so on until an `IndexError`, so
-    this error is one as well.
+    A loop `for simulation in dataset` reads the simulations 0, 1, 2, ... and stops at an
+    `IndexError`, so this class derives from it.
     """
 
 
@@ -204,12 +204,13 @@ class MissingExtraError(OvertakingError, ImportError):
         """
         head = f"{where}: {what}: expected the extra [{extra}], got {printable(got)}"
         alternative = f"; or {otherwise}" if otherwise else ""
-        # A complete message: as a part of one, a long command would be cut.
+        # Not the parts of a message: a part is cut at `MAX_MESSAGE_PART` characters, and a command
+        # that is cut does not run.
         return cls(f"{head}; run: {install_command(extra)}{alternative}")
 
 
 class KnowledgeError(OvertakingError, ValueError):
-    """A constant of the model is missing, unknown, or lacks its unit or its source.
+    """A constant of the model is missing or unknown, or has no unit or no source.
 
     The constants are in the TOML files of `overtaking/knowledge/data`.
     """
@@ -218,8 +219,7 @@ class KnowledgeError(OvertakingError, ValueError):
 class InfeasibleError(OvertakingError, ValueError):
     """A valid request that cannot be met.
 
-    Its vehicles do not fit on the road, are too few for a dense traffic, or one of them cannot
-    reach its speed.
+    For example, the vehicles do not fit on the road, or one of them cannot reach its speed.
     """
 
 
@@ -262,7 +262,7 @@ def check_choice(choice: str, choices: Iterable[str], *, what: str, where: str) 
 def nearest_first(name: str, names: Iterable[str]) -> list[str]:
     """Sort valid names by their similarity to a name that a user wrote, the most similar first.
 
-    Upper and lower case do not count.
+    Upper and lower case count as equal.
     """
 
     def similarity(candidate: str) -> float:
@@ -279,7 +279,7 @@ def check_in_range(
     Args:
         value: The number.
         low: Smallest valid number.
-        high: Largest valid number; infinity for a range without an upper limit.
+        high: Largest valid number; infinite for a range without an upper limit.
         what: The option or argument.
         where: The command or function.
         unit: Unit of the number, for the message; empty for a number without a unit.
@@ -377,8 +377,8 @@ class Requirement:
         Args:
             version: The installed version, such as "1.0.3".
         """
-        # Without a lowest version, every version is new enough.
-        lowest = re.search(r"[>=]=\s*([\w.]+)", self.specifier)  # The version after >= or ==.
+        # The version after >= or ==. Without one, every version is new enough.
+        lowest = re.search(r"[>=]=\s*([\w.]+)", self.specifier)
         return lowest is not None and _release_numbers(version) < _release_numbers(lowest[1])
 
 

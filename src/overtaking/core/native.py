@@ -17,8 +17,8 @@ from overtaking.core.arrays import F32, U32, U64, F32Like
 from overtaking.core.errors import ConfigError
 
 
-# In pure Python, the random numbers of a scenario take 6 µs more: 2.7 % of the time to make a data
-# set with the traffic of the study pinto-2023.
+# In pure Python, the random numbers of a scenario take 6 µs more: 2.7 % of its time in a data set
+# with the traffic of the study pinto-2023.
 class PhiloxStream(random_numbers.PhiloxStream):
     """Successive random numbers, with the arguments of `random_numbers.PhiloxStream`."""
 
@@ -56,14 +56,17 @@ class PhiloxStream(random_numbers.PhiloxStream):
 
 
 def exp(x: F32Like) -> F32:
-    """The number e to the power `x`; an `x` below -87 or above 88 counts as that limit."""
+    """The number e to the power `x`; an `x` below -87 or above 88 counts as that limit.
+
+    So the result is neither 0 nor infinite.
+    """
     values = _float32_copy(x)
     _core.exp_in_place(values.reshape(-1))
     return values
 
 
 def log(x: F32Like) -> F32:
-    """Natural logarithm; an `x` below 2**-126 (1.2e-38) counts as 2**-126."""
+    """Natural logarithm; an `x` below 2**-126 (1.2e-38) counts as 2**-126: no infinite result."""
     values = _float32_copy(x)
     _core.log_in_place(values.reshape(-1))
     return values
@@ -93,7 +96,7 @@ def minimum(a: F32Like, b: F32Like) -> F32:
 
 
 def clamp(value: F32Like, low: F32Like, high: F32Like) -> F32:
-    """`value` limited to [low, high]; `low` where it is NaN."""
+    """`value` limited to [low, high]; `low` where `value` is NaN."""
     if not (_has_engine_shapes(value, low) and _has_engine_shapes(value, high)):
         return float32_math.clamp(value, low, high)
     values = _float32_copy(value)
@@ -113,7 +116,7 @@ def box_muller(u: F32, v: F32) -> tuple[F32, F32]:
 def _has_engine_shapes(a: F32Like, b: F32Like) -> bool:
     """Whether the engine takes the pair: `a` an array, `b` a number or an array of the same shape.
 
-    NumPy broadcasts the other pairs, in `float32_math`.
+    Other pairs go to `float32_math`, where NumPy broadcasts them.
     """
     return a.dtype == b.dtype == np.float32 and a.ndim > 0 and b.shape in ((), a.shape)
 
@@ -143,7 +146,8 @@ def simd_level(level: str | None = None) -> str | None:
         level: A level; None for the value of the environment variable `OVERTAKING_SIMD`.
 
     Returns:
-        The level; None if neither names one: then the engine takes the fastest one of this CPU.
+        The level; None if neither `level` nor the variable states one. With None the engine takes
+        the fastest level of this CPU.
 
     Raises:
         ConfigError: The level is unknown, or this CPU does not support it.

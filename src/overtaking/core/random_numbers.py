@@ -3,15 +3,15 @@
 The generator has no state. It maps four numbers to a block of four random 32-bit words:
 
 seed: 64-bit number that the user chooses for a data set.
-scenario index: 64-bit number of a scenario, the road, traffic and weather at the start of a
-    simulation.
+scenario index: 64-bit number of a scenario (road, traffic and weather at the start of a
+    simulation).
 stream: purpose of the draws, a `Stream`. Purposes that concern single vehicles add the slot (the
     number of a vehicle in its simulation) or the role of a neighbour (leader, follower, ...), both
     less than 256.
 block number: 0 for the first four words of a stream, 1 for the next.
 
 So a simulation has the same random numbers in any batch (simulations computed together), in any
-process and with vectors of any width. `core.native` has the same functions, compiled.
+process and with CPU vectors of any width. `core.native` has the same functions, compiled.
 
 Source:
     Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11; constants and
@@ -37,7 +37,7 @@ _ROUNDS = 10
 class Stream(enum.IntEnum):
     """The purposes of draws; each stream of a simulation is independent of the others.
 
-    A new purpose gets a new number, so that the draws of the others stay.
+    A new purpose gets a new number, so that existing purposes keep their random numbers.
     """
 
     WEATHER = 1
@@ -94,8 +94,8 @@ def philox_words(
         seed: Seed of the data set, 0 <= seed < 2**64.
         scenario_index: Index of each scenario; broadcasts with `stream`.
         stream: A `Stream`, plus slots or roles for some purposes.
-        block_number: Block number in the stream, 0 <= block_number < 2**32. For draws at each
-            decision of a driver, it is the number of the decision, whatever was drawn before.
+        block_number: Block number in the stream, 0 <= block_number < 2**32. Draws at each decision
+            of a driver use the number of the decision, so they do not depend on earlier draws.
 
     Returns:
         The four words, each with the common shape of `scenario_index` and `stream`.
@@ -113,8 +113,8 @@ def uniform_from_word(word: U32) -> F32:
     """Convert 32-bit words to numbers in the open interval (0, 1).
 
     Only the upper 23 bits of the word count: together with the digit of the added half they fill
-    the 24 binary digits of a float32, so nothing is rounded. The half excludes 0, of which
-    `box_muller` could not take the logarithm.
+    the 24 binary digits of a float32, so nothing is rounded. The half excludes 0, because
+    `box_muller` takes the logarithm.
     """
     return ((word >> np.uint32(9)).astype(np.float32) + HALF) * np.float32(2.0**-23)
 
@@ -148,7 +148,7 @@ class PhiloxStream:
         """Start at the first number of the stream."""
         self._seed, self._scenario_index, self._stream = seed, scenario_index, stream
         self._next_block = 0
-        self._unused_words: list[U32] = []  # Of the last block, in their order.
+        self._unused_words: list[U32] = []  # Words of the last block that are left, in order.
 
     def next_word(self) -> U32:
         """The next random 32-bit word."""
@@ -172,8 +172,8 @@ class PhiloxStream:
     def normal(self) -> F32:
         """The next standard normal number.
 
-        It takes two words. The second number of `box_muller` is dropped, so that every call takes
-        the same number of words.
+        It takes two words. It drops the second number of `box_muller`, so that every call takes the
+        same number of words.
         """
         u, v = (uniform_from_word(self.next_word()) for _ in range(2))
         return box_muller(u, v)[0]
@@ -185,6 +185,6 @@ class PhiloxStream:
             count: Number of possible values, at most 65536. The probability of a value differs from
                 1 / count by less than 2**-16, because 2**16 numbers are mapped to `count` values.
         """
-        # The product of 16 and 16 bits fits into 32.
+        # Only 16 bits of the word: their product with `count` fits into 32 bits.
         upper_bits = self.next_word() >> np.uint32(16)
         return (upper_bits * np.uint32(count) >> np.uint32(16)).astype(np.int32)

@@ -32,7 +32,7 @@ def format_count(number: int, noun: str) -> str:
 
 
 def as_utf8(text: str) -> str:
-    r"""Replace the characters that no file in UTF-8 can hold by escapes of plain characters.
+    r"""Replace the characters that no file in UTF-8 can hold by escapes in ASCII.
 
     A file name on Linux may have bytes that are not UTF-8. Python stores such a byte, for instance
     0xE9, as a surrogate; it becomes the four characters `\xe9`.
@@ -56,7 +56,7 @@ def json_values(value: Any) -> Any:
     Returns:
         None, a bool, int, float, str, list or dict. Dataclasses become dicts by the names of their
         fields, arrays and tuples lists, bytes hexadecimal text. NaN and infinities become None,
-        because JSON lacks them. Values of other types, such as paths, become text.
+        because JSON cannot write them. Values of other types, such as paths, become text.
     """
     # Not at the top of the module: `overtaking --help` needs this module but no arrays, and starts
     # faster without NumPy.
@@ -92,6 +92,7 @@ _LINE_WIDTH = 100
 """Width of a table on the screen [characters]; further columns follow in a block below. Chosen."""
 
 _VALUE_TYPES = (str, int, float, Path)
+"""Types of fields that `CompactRepr.summary` shows as they are."""
 
 
 class CompactRepr:

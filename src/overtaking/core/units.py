@@ -6,8 +6,8 @@ Values in the code are in SI units and their names have no suffix. Other units o
   (`NAME_SUFFIXES`);
 - trajectories are recorded as integers, in small units such as mm (`INTEGER_UNITS`);
 - the constants of the model, in the TOML files of `overtaking/knowledge/data`, state units as texts
-  such as `km/h`; the reader of these files converts them to SI with `unit_converter`, except
-  constants whose name ends in one of `UNCONVERTED_SUFFIXES`;
+  such as `km/h`. The reader of these files converts them to SI with `unit_converter`; constants
+  whose name ends in one of `UNCONVERTED_SUFFIXES` keep their unit;
 - commands and functions of the API take speeds in km/h and angles in degrees, which functions such
   as `mps_from_kmh` convert.
 """
@@ -132,8 +132,9 @@ UNCONVERTED_SUFFIXES = {
     "_deg": "deg",
     "_kmh": "km/h",
 }
-"""Unit by suffix, for names of constants that keep their unit when a TOML file is read:
-formulas from the literature use `film_mm` in mm. All other constants are converted to SI."""
+"""Unit by suffix, for names of constants that keep their unit when a TOML file is read, because
+formulas from the literature use that unit, such as `film_mm` in mm. All other constants are
+converted to SI."""
 
 # A unit such as `kg m^2`, `m/s^2` or `1/(m s)`: a product; after a slash, one factor or a product
 # in parentheses.

@@ -3,7 +3,8 @@
 A process makes a `WorkerProcess` with the name of a module; the child calls the module's `main`
 with a `ParentConnection`. Both ends send any objects that `pickle` can copy. Data sets are
 generated in such processes, and queries, neural networks and clients of CARLA run in them, because
-a child can have limits of its own, and can crash or be killed without its parent.
+a child can have limits of its own (such as of memory), and can crash or be killed without its
+parent.
 
 Messages to the worker go through its standard input, messages from it through its standard output.
 Text that the worker prints goes to its standard error, whose end `describe_exit` quotes.
@@ -93,15 +94,15 @@ class ParentConnection:
         self._received_frames: SimpleQueue[bytes] = SimpleQueue()
         self._is_stopped = False
         from_parent, self._to_parent = _private_streams()
-        # A thread, so that the end of the parent is noticed while the main thread computes.
+        # A thread, because it notices the end of the parent even while the main thread computes.
         threading.Thread(target=self._read_frames, args=(from_parent,), daemon=True).start()
 
     def __iter__(self) -> Iterator[Any]:
         """Wait for messages and yield them until the parent asks this process to stop.
 
-        Messages that then still wait are dropped.
+        It drops messages that wait when this request arrives.
         """
-        # The stop frame may lie behind others, so `_is_stopped` is set as soon as it arrives.
+        # The stop frame may wait behind other frames; `_is_stopped` is set as soon as it arrives.
         while (frame := self._received_frames.get()) != STOP_FRAME and not self._is_stopped:
             yield pickle.loads(frame)
 
@@ -155,7 +156,7 @@ def _private_streams() -> tuple[IO[bytes], IO[bytes]]:
     from_parent = os.fdopen(os.dup(0), "rb")
     to_parent = os.fdopen(os.dup(1), "wb")
     null_device = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(null_device, 0)  # Standard input is empty.
+    os.dup2(null_device, 0)  # From here on standard input is empty.
     os.close(null_device)
     os.dup2(2, 1)  # Printed text goes to standard error, which the parent quotes in errors.
     return from_parent, to_parent
@@ -170,7 +171,7 @@ _MAX_PRINTED_BYTES = 4096
 """Length of the end of the printed text that is stored. Chosen: an exception and its cause fit."""
 
 _MAX_WAIT = 1.0
-"""Longest time of one wait [s]; longer ones are split, because on Windows Ctrl-C takes effect only
+"""Longest time of one wait [s]; longer waits are split, because on Windows Ctrl-C takes effect only
 between two waits. Chosen."""
 
 
@@ -212,9 +213,9 @@ class WorkerProcess:
         self._frames: deque[bytes | None] = deque()  # None stands for `WORKER_ENDED`.
         self._printed = b""
         # Not the module `multiprocessing`: its "fork" copies a process whose threads hold locks,
-        # and its "spawn" runs the script of the user again, so that every script would have to ask
-        # whether it is the main module.
-        with explain_refusals(module):
+        # and its "spawn" runs the script of the user again, so that every script would need the
+        # test `if __name__ == "__main__"`.
+        with explain_refusals(module):  # Raises `SystemLimitError` if the system refuses.
             self._process = subprocess.Popen(
                 # With -P Python does not add the working directory to the folders in which it
                 # searches for modules: the worker searches only where this process does.
@@ -331,7 +332,8 @@ class WorkerProcess:
         """Close a worker of which `receive` has returned `WORKER_ENDED`, and describe its end.
 
         Returns:
-            "with exit status 3" or "by SIGKILL", then ": " and the last line that it printed.
+            "with exit status 3" or "by SIGKILL", then ": " and the last line that the worker
+            printed.
         """
         self.close(SHUTDOWN_TIMEOUT)
         status = self._process.returncode

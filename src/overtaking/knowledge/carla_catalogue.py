@@ -1,10 +1,9 @@
 """Vehicles, props and named weathers of the simulator CARLA 0.9.16.
 
 The package draws its weather from the named weathers, and the server that imitates CARLA offers the
-vehicles and props. The TOML files of `knowledge/data` hold the values; `read_records` checks them
-and returns one dataclass for each table of a file, in SI units unless a name ends in another unit.
-Its mapping is by name of the table. All mappings are cached and shared by all callers, therefore
-read-only.
+vehicles and props. The TOML files of `knowledge/data` hold the values. `read_records` checks them
+and returns a mapping from the name of each table of a file to a dataclass, in SI units unless a
+name ends in another unit. All callers share the cached mappings, so these are read-only.
 """
 
 from collections.abc import Mapping
@@ -60,7 +59,7 @@ def props() -> Mapping[str, PropBlueprint]:
 
 
 # Fields of `WeatherPreset` to fields of `carla.WeatherParameters`, in CARLA's order. CARLA takes
-# percent and degrees; names that end in these units keep `read_records` from converting them to SI.
+# percent and degrees, so the names end in these units: `read_records` then does not convert them.
 _CARLA_FIELDS = {
     "cloudiness_percent": "cloudiness",
     "precipitation_percent": "precipitation",
@@ -81,10 +80,10 @@ _CARLA_FIELDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeatherPreset:
-    """A named weather of CARLA; percentages are 0 to 100 without physical meaning.
+    """A named weather of CARLA; percentages are settings from 0 to 100, not physical quantities.
 
-    The package uses clouds, rain, puddles, wind, fog density and the altitude of the sun. All other
-    numbers are there for the cameras of CARLA.
+    The package uses clouds, rain, puddles, wind, fog density and the altitude of the sun. CARLA's
+    cameras use the other numbers, too.
 
     Attributes:
         in_pinto2023: Whether `pinto-2023`, the study that this package reproduces, used it.

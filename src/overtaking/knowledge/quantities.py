@@ -7,8 +7,8 @@ An entry is a TOML table with a number, or with a distribution of a number over 
                  unit = "s", source = "choice", rationale = "..." }
 
 Only traits of drivers (`drivers.toml`) have distributions, one for careful and one for reckless
-drivers; the driving style interpolates between the two. All other numbers have a `value`;
-quantities of vehicle classes may state a spread around it (`sigma`, `low`, `high`).
+drivers; for drivers in between, `scenarios` interpolates the parameters. All other numbers have a
+`value`, and quantities of vehicle classes may state a spread around it (`sigma`, `low`, `high`).
 
 `parse_quantity` and `parse_distribution` check an entry and convert its numbers to SI. A name with
 a suffix such as `_percent` or `_mm` is the exception: its numbers stay in that unit
@@ -36,7 +36,7 @@ SUPPORT_SIGMAS = 2.0
 standard deviations of its value. Chosen: rarer values make implausible vehicles."""
 
 SOURCE_KINDS = ("law", "standard", "handbook", "paper", "report", "software")
-"""Kinds of sources; files with any other kind are refused."""
+"""Valid kinds of sources."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,8 +47,8 @@ class Source:
         id: Short name by which entries refer to it, such as "un-r157".
         citation: Author, year, title, and a DOI or an official number.
         kind: One of `SOURCE_KINDS`.
-        checked: Whether the authors read the values in the source or in a faithful reprint. If
-            not, the values are common knowledge of the field.
+        checked: Whether the authors of this package read the values in the source or in a faithful
+            reprint. If not, the values are common knowledge of the field.
     """
 
     id: str
@@ -65,10 +65,9 @@ class Quantity:
         value: The number in `unit`, or nested tuples of such numbers.
         sigma: Standard deviation within the population, in `unit`; None if all members have the
             same value.
-        low: Smallest value of a sample, in `unit`; if the entry states none, `SUPPORT_SIGMAS`
-            standard deviations below `value`. Equals `value` for a table, and if neither `low` nor
-            `sigma` is stated.
-        high: Largest value of a sample, in `unit`; likewise.
+        low: Smallest value of a sample, in `unit`: the `low` of the entry, else `value` minus
+            `SUPPORT_SIGMAS` times `sigma`; for a table, or without `sigma`, `value`.
+        high: Largest value of a sample, in `unit`: likewise, with `high` and plus.
         unit: The SI unit, or the unit in the suffix of the entry's name.
         quoted_unit: The unit in the file, which is the unit of its source.
         source: `Source.id`, or "choice".
@@ -147,7 +146,8 @@ class Quantity:
                 got=repr(unit),
                 next_step="ask for one of them",
             )
-        # Three digits turn 8.33 m/s into 30 km/h, and take back the rounding of a conversion to SI.
+        # Three significant digits: 8.33 m/s becomes 30 km/h instead of 29.988, and rounding errors
+        # of a conversion to SI disappear.
         return f"{number:.3g}"
 
 
@@ -219,6 +219,9 @@ _REQUIRED_KEYS = frozenset(["unit", "source"])
 _OPTIONAL_KEYS = frozenset(["rationale"])
 """Keys that every entry may have."""
 
+_SPREAD_KEYS = frozenset(["sigma", "low", "high"])
+"""Keys that an entry with a value may have."""
+
 # Kind of distribution to the keys that it needs beside `distribution`, `unit` and `source`.
 _KEYS_BY_KIND = {
     "constant": frozenset(["value"]),
@@ -242,8 +245,8 @@ def is_entry(item: object) -> TypeGuard[dict[str, Any]]:
     if not isinstance(item, dict):
         return False
     table = cast("dict[str, object]", item)
-    # A table of entries may hold an entry with the name "value" or "source". That item is a dict,
-    # unlike the number or text at such a key of an entry.
+    # A table of entries may hold an entry with the name "value" or "source". The item at this key
+    # is then a dict; in an entry it is a number or a text.
     return any(key in table and not isinstance(table[key], dict) for key in _ENTRY_KEYS)
 
 
@@ -264,10 +267,8 @@ def parse_quantity(
     Raises:
         KnowledgeError: A key is missing or unknown, or its value is invalid.
     """
-    spread = frozenset(["sigma", "low", "high"])
-    _check_entry(
-        entry, needed=_REQUIRED_KEYS | {"value"}, also=spread, where=where, sources=sources
-    )
+    needed = _REQUIRED_KEYS | {"value"}
+    _check_entry(entry, needed=needed, optional=_SPREAD_KEYS, where=where, sources=sources)
     unit, convert = _unit_and_converter(entry, name, where)
     value = _convert_values(entry["value"], convert, where)
     sigma = _convert_number(entry["sigma"], convert, where) if "sigma" in entry else None
@@ -304,7 +305,7 @@ def parse_distribution(
     if kind not in _KEYS_BY_KIND:
         raise _error("distribution", where, f"one of {', '.join(_KEYS_BY_KIND)}", kind)
     needed = _REQUIRED_KEYS | {"distribution"} | _KEYS_BY_KIND[kind]
-    _check_entry(entry, needed=needed, also=frozenset(), where=where, sources=sources)
+    _check_entry(entry, needed=needed, optional=frozenset(), where=where, sources=sources)
     unit, convert = _unit_and_converter(entry, name, where)
     unitless = _UNITLESS_BY_KIND.get(kind, frozenset())
     numbers = {
@@ -335,7 +336,7 @@ def _check_entry(
     entry: Mapping[str, Any],
     *,
     needed: frozenset[str],
-    also: frozenset[str],
+    optional: frozenset[str],
     where: str,
     sources: Container[str],
 ) -> None:
@@ -344,11 +345,11 @@ def _check_entry(
     Args:
         entry: The entry.
         needed: Keys that the entry must have.
-        also: Keys that it may have besides, and besides a rationale.
+        optional: Keys that it may have, besides a rationale.
         where: File and entry, for messages.
         sources: The ids that `source` may have.
     """
-    allowed = needed | also | _OPTIONAL_KEYS
+    allowed = needed | optional | _OPTIONAL_KEYS
     if missing := needed - entry.keys():
         expected = f"the keys {', '.join(sorted(needed))}"
         raise _error(f"missing {min(missing)}", where, expected, entry)
@@ -367,7 +368,7 @@ def _unit_and_converter(
 ) -> tuple[str, Callable[[Any], float]]:
     """The unit of the parsed numbers, and the function that converts numbers of the entry to it."""
     quoted_unit: str = entry["unit"]
-    # `str`, because the file may state anything, also a number, whose text the converter refuses.
+    # `str`, because the file may state a number; the converter refuses its text with a message.
     convert_to_si = unit_converter(str(quoted_unit), where=where)
     suffix_unit = unit_of_suffix(name)
     if suffix_unit is None:
@@ -386,7 +387,10 @@ def _convert_values(item: Any, convert: Callable[[Any], float], where: str) -> V
 
 
 def _convert_number(item: Any, convert: Callable[[Any], float], where: str) -> float:
-    """Convert a finite number. Conversions have no offset, so they hold for a `sigma` as well."""
+    """Convert a finite number.
+
+    All conversions are factors without an offset, so they are right for a `sigma`, too.
+    """
     # For NaN and infinities the difference is NaN, which differs from 0.
     if isinstance(item, bool) or not isinstance(item, int | float) or item - item != 0:
         raise _error("value", where, "a finite number", item)
@@ -400,9 +404,9 @@ def _range_of_samples(
     convert: Callable[[Any], float],
     where: str,
 ) -> tuple[Values, Values]:
-    """Smallest and largest value of a sample of a quantity, for `Quantity.low` and `.high`."""
+    """`Quantity.low` and `Quantity.high` of an entry."""
     if isinstance(value, tuple):
-        if entry.keys() & {"sigma", "low", "high"}:
+        if entry.keys() & _SPREAD_KEYS:
             raise _error("spread", where, "sigma, low and high beside one number only", "a list")
         return value, value
     reach = SUPPORT_SIGMAS * (sigma or 0.0)

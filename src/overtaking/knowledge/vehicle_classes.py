@@ -1,9 +1,8 @@
 """The seven vehicle classes and the eight colours of vehicles, from two TOML files.
 
-`scenarios` draws the bodies of vehicles from the classes. `read_record` fills a dataclass from a
-table of a file. A `Quantity` is a number with unit and source; its `value` is in SI units. Where
-the vehicles of a class differ, it also has a standard deviation `sigma` and limits, `low` and
-`high`.
+`scenarios` draws vehicles from the classes. `read_record` fills a dataclass from a table of a file.
+A `Quantity` is a number with unit and source; its `value` is in SI units. Where the vehicles of a
+class differ, it also has a standard deviation `sigma` and limits, `low` and `high`.
 
 The file `vehicle_classes.toml` has the classes in the order of their codes 0 to 6, which the study
 `pinto-2023` defined and recordings store. The code is the position in `VEHICLE_CLASS_NAMES`.
@@ -35,7 +34,7 @@ class VehicleClass:
 
     Attributes:
         name: The class in words, such as "small car".
-        two_wheeler: Whether it leans, and moves as a point mass, which does not use inertia and
+        two_wheeler: Whether it leans. The model moves it as a point mass, without inertia and
             stiffness.
         motorway_allowed: Whether the law lets it on a motorway.
         length: Length from bumper to bumper [m].
@@ -50,7 +49,7 @@ class VehicleClass:
         inertia_factor: Moment of inertia about the vertical axis over mass x a x b.
         front_stiffness: Cornering stiffness of the front axle over its load [1/rad].
         rear_stiffness: Cornering stiffness of the rear axle over its load [1/rad].
-        front_drive_share: Part of the drive force that acts at the front axle.
+        front_drive_share: Share of the drive force that acts at the front axle.
         launch_accel: Largest acceleration at low speed [m/s^2].
         specific_power: Power at the wheels over `mass.value` [W/kg].
         drag_area: Drag coefficient times frontal area [m^2].
@@ -65,8 +64,8 @@ class VehicleClass:
         spray_factor: Spray thrown up from a wet road, relative to a car.
         lamp_separation: Distance between the rear position lamps; diameter of a single lamp [m].
         track_width: Distance between the front tyres; width of a two-wheeler's tyre [m].
-        motorway_limit: Speed limit of the class on Portuguese motorways [m/s]; bicycles, which
-            are not allowed there, have the limit of cars.
+        motorway_limit: Speed limit of the class on Portuguese motorways [m/s]. Bicycles have the
+            limit of cars, although they are not allowed there.
     """
 
     name: str
