@@ -72,8 +72,9 @@ wider types also accept NumPy's numbers."""
 def check_batch(batch: Any, where: str, name: str = "") -> None:
     """Check a dataclass, and the batches in it, against the declarations of their fields.
 
-    Tuples are not searched for batches. Of another dataclass, such as a road, only the types and
-    ranges of its own fields are checked; its class checks the dataclasses in it, such as lanes.
+    The check does not look into tuples. In a dataclass that is no batch, such as a road, it checks
+    only the types and ranges of the fields; dataclasses in the fields, such as the lanes of a road,
+    check themselves.
 
     Args:
         batch: A batch, or another dataclass.
@@ -110,7 +111,7 @@ def check_arguments(function: Callable[P, ResultT]) -> Callable[P, ResultT]:
         Python's `TypeError` for missing or unknown arguments.
     """
     signature = inspect.signature(function)
-    # A public function may pass its options to a private `_name`, whose name then lacks the "_".
+    # A public function may pass its options to a private `_name`: messages then omit the "_".
     where = function.__qualname__.lstrip("_")
 
     @cache  # The first call resolves annotations, when all types of the module are defined.
@@ -121,8 +122,8 @@ def check_arguments(function: Callable[P, ResultT]) -> Callable[P, ResultT]:
             if parameter.annotation is not parameter.empty
             and parameter.kind is not parameter.VAR_KEYWORD
         }
-        # `get_type_hints(function)` would also resolve the type of the result, which some modules
-        # import for type checkers alone.
+        # Not `get_type_hints(function)`: it would also resolve the type of the result, which some
+        # modules import for type checkers only.
         holder = types.SimpleNamespace(__annotations__=annotations)
         namespace = getattr(function, "__globals__", {})  # Only Python functions have it.
         return get_type_hints(holder, globalns=namespace, include_extras=True)
@@ -130,8 +131,8 @@ def check_arguments(function: Callable[P, ResultT]) -> Callable[P, ResultT]:
     @wraps(function)
     def checked_function(*args: P.args, **kwargs: P.kwargs) -> ResultT:
         bound = signature.bind(*args, **kwargs)
-        # It raises `SystemLimitError`. With too little memory for libraries and threads, compiled
-        # code would end the process instead.
+        # Raises `SystemLimitError` if the memory is too small for libraries and threads; otherwise
+        # compiled code would end the process.
         check_address_space(where)
         for name, annotation in annotations_by_name().items():
             if name in bound.arguments:
@@ -203,14 +204,14 @@ class _BatchChecker:
             if isinstance(value, Batch):
                 self.check_structure(value, field_path)
         if isinstance(batch, Batch):
-            # Axes that no array has, such as the lanes of a road; ranges of indices refer to them.
+            # Axes that no array has, such as the lanes of a road: ranges of indices refer to them.
             self._axis_lengths |= {axis: (size, "") for axis, size in batch.axis_lengths().items()}
 
     def check_values(self, batch: Any, path: str) -> None:
         """Refuse arrays with a value out of range, and batches that break a constraint.
 
         `check_structure` must have accepted the batch. It has also checked single numbers, so
-        nothing is left to check in a dataclass without arrays.
+        nothing is left to check in a dataclass that is no batch.
         """
         if not isinstance(batch, Batch):
             return
@@ -246,7 +247,7 @@ class _BatchChecker:
         return converted
 
     def _check_array(self, field: BatchField, value: Any, path: str) -> None:
-        """Refuse a value that is no array of the declared dtype, axes and lengths of axes."""
+        """Refuse a value that is no array of the declared dtype, axes and lengths."""
         expected = f"an array of {field.dtype} with the axes ({', '.join(map(str, field.axes))})"
         # Other subclasses are refused, because matrices and masked arrays compute differently.
         if type(value) not in (np.ndarray, np.memmap) or value.dtype != field.dtype:
@@ -254,7 +255,8 @@ class _BatchChecker:
         if value.ndim != len(field.axes):
             raise self._error(path, expected, f"the shape {value.shape}")
         for axis, size in zip(field.axes, value.shape, strict=True):
-            # The first array with a named axis sets its length for all arrays that follow.
+            # An axis that is a number has that length. The first array with a named axis sets the
+            # length of this axis for all arrays that follow.
             default = (axis, "") if isinstance(axis, int) else (size, path)
             length, set_by = self._axis_lengths.setdefault(axis, default)
             if size != length:
@@ -306,8 +308,8 @@ def _is_in_range(spec: FieldSpec, high: float, values: Any) -> Any:
 def _all_in_range(spec: FieldSpec, high: float, values: NDArray[Any]) -> bool:
     """Whether `_is_in_range` holds for every value of an array, computed faster."""
     if spec.missing is None and not spec.low_is_open:
-        # Two reductions and no mask: most arrays, and the large ones, take this path. With a NaN
-        # both results are NaN, and no comparison with NaN is true.
+        # Two reductions and no mask; most arrays, among them all large ones, take this path. With a
+        # NaN both results are NaN, and no comparison with NaN is true.
         return not values.size or bool(spec.low <= values.min() and values.max() <= high)
     return bool(np.all(_is_in_range(spec, high, values)))
 
@@ -363,7 +365,7 @@ def _convert(value: Any, annotation: Any) -> Any:
     if (dtype := declared_dtype(annotation)) is not None:
         return value if isinstance(value, np.ndarray) and value.dtype == dtype else _NO_MATCH
     plain_type = without_metadata(annotation)
-    # Of `Sequence[str]` the origin is `Sequence`, and the only element type is `str`.
+    # For `Sequence[str]` the origin is `Sequence`, and the only element type is `str`.
     origin, element_types = get_origin(plain_type) or plain_type, get_args(plain_type)
     if plain_type is int:
         return _NO_MATCH if (number := whole_number(value)) is None else number

@@ -32,18 +32,18 @@ class EgoSignals(Delayed):
     Attributes:
         frame_interval_ms: Time between frames [ms].
         valid: Whether the frame was recorded; false after the end of a simulation.
-        lane: Index of the lane that contains the ego's centre: 0 for the slowest, and the number of
-            driving lanes beyond the edge on the overtaking side, where a two-way road has the
-            opposing lane. 255, a uint8 for -1, beyond the edge on the kerb side.
+        lane: Index of the lane that contains the ego's centre: 0 for the slowest. Beyond the edge
+            on the overtaking side, where a two-way road has the opposing lane, it is the number of
+            driving lanes; beyond the edge on the kerb side it is 255 (-1 as a uint8).
         s: Position of the ego's centre along the road [m].
         lateral_position: Position of the ego's centre across the road, 0 on the reference line of
             the road and growing to the left [m].
-        lateral_speed: Speed of the ego to the left [m/s]. It is a central difference over about 0.2
-            s at any frame rate, so that recordings of 20 and 25 Hz agree; 0.2 s is chosen.
+        lateral_speed: Speed of the ego to the left [m/s]: a central difference over about 0.2 s at
+            any frame rate, so that recordings of 20 and 25 Hz agree. A choice: 0.2 s.
         speed: Speed of the ego [m/s].
         accel: Acceleration of the ego along its axis [m/s^2].
         right_edge: `lateral_position` of the right-most corner of the ego's body [m].
-        left_edge: `lateral_position` of its left-most corner [m].
+        left_edge: `lateral_position` of the left-most corner [m].
         neighbour_slot: Slot of the neighbour, its vehicle number in the simulation; `NO_VEHICLE`
             (255) without a neighbour. Shape (simulation, neighbour, time).
         gap: Gap between the bumpers of ego and neighbour, negative alongside, same shape [m].
@@ -110,7 +110,7 @@ class TargetSignals(Delayed):
     undefined.
 
     Attributes:
-        valid: Whether there is a target and it was recorded in the frame.
+        valid: Whether the simulation has a target, and the target was recorded in the frame.
         slot: Its slot, `NO_VEHICLE` (255) without a target, shape (simulation,).
         length: Its length, shape (simulation,) [m].
         ego_lead: Position of the ego's centre minus the target's, along the road; negative while

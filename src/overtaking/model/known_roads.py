@@ -63,18 +63,18 @@ class _CourseEntry:
     """Changes along a two-way road.
 
     All fields but the last two hold stretches of the road: pairs of the stations of start and end
-    [m]. Where no stretch states a line between the directions, it is `overtaking_edge_mark`.
+    [m]. Elsewhere the line between the directions is `_RoadEntry.overtaking_edge_mark`.
 
     Attributes:
         solid: Stretches on which the line between the directions is solid for both.
-        solid_broken: Stretches on which it is solid for the driving lanes alone.
-        broken_solid: Stretches on which it is solid for oncoming traffic alone.
+        solid_broken: Stretches on which this line is solid for the driving lanes only.
+        broken_solid: Stretches on which this line is solid for oncoming traffic only.
         junction: Junctions.
         crest: Crests of reduced visibility.
         bend: Bends of reduced visibility.
-        sight: Pairs of a station and the sight distance along the road from there [m]. It is linear
-            between the stations, and constant before the first and after the last.
-        sight_against: The same for oncoming drivers, in whose direction stations fall.
+        sight: Pairs of a station and the sight distance along the road from there [m]. The distance
+            is linear between the stations, and constant before the first and after the last.
+        sight_against: The same for oncoming drivers, who drive towards smaller stations.
     """
 
     solid: tuple[tuple[float, float], ...] = ()
@@ -178,7 +178,7 @@ def known_road(name: str) -> Road:
 
 
 def _course(entry: _CourseEntry) -> RoadCourse:
-    """The course of a road. `RoadCourse` requires the spans in order, but not the zones."""
+    """The course of a road; `RoadCourse` requires spans in order, and zones in any order."""
     centre_line_spans = [
         CentreLineSpan(start=start, stop=stop, mark=mark)
         for field_name, mark in _CENTRE_LINE_MARKS.items()
@@ -214,7 +214,7 @@ def _neighbour_lane(
 def _lane(
     road: _RoadEntry, lane_id: int, width: float, marks: tuple[RoadMark, RoadMark], kind: str
 ) -> Lane:
-    """A lane in direction of travel of the road.
+    """A lane whose traffic runs in the road's direction of travel.
 
     Args:
         road: The road, whose driving side decides which mark is on the right.

@@ -62,16 +62,17 @@ MAX_NEIGHBOUR_WIDTH = 100.0
 and parking strips of map files."""
 
 MAX_COORDINATE = 1.8e6
-"""Largest x0 and y0 of a road [m]. World positions are int32 millimetres, which the engines clip at
-2000 km; a road of at most 100 km (`MAX_LENGTH`) that begins here ends before."""
+"""Largest x0 and y0 of a road [m]. World positions are int32 millimetres, and both simulators clip
+them at 2000 km. A road of at most 100 km (`MAX_LENGTH`) that begins here ends before that."""
 
 MAX_ORIGIN = 1.0e8
 """Largest coordinate of the world's origin in a file [m]. Chosen: beyond the coordinates of every
 map projection of the Earth."""
 
 MAX_CURVATURE_TIMES_OFFSET = 0.5
-"""Largest |curvature * d| of the edges of the driving lanes [1]. Chosen: lanes end at half the
-radius of a bend, because near its centre (1) one world position has many coordinates s and d."""
+"""Largest |curvature * d| of the edges of the driving lanes [1]. Chosen: lanes extend to at most
+half the radius of a bend. Near the centre of the bend, where the product is 1, one world position
+has many coordinates s and d."""
 
 
 @lru_cache(maxsize=16)
@@ -110,9 +111,9 @@ class Lane:
         width: Width, the same along the whole road [m].
         kind: OpenDRIVE's lane type: "driving", "shoulder", "border", ...
         direction: Direction of its traffic: +1 along the road's `s`, also for shoulders, or -1
-            against it, on the opposing lane. 0 is not used.
-        right_mark: Line on its right in the road's direction of travel, as seen from this lane: of
-            a double line the first word of the mark names the line nearer to the lane.
+            against it, on the opposing lane; never 0.
+        right_mark: Line on its right in the road's direction of travel, as seen from this lane: in
+            a double mark such as `SOLID_BROKEN` the first word names the line nearer to the lane.
         left_mark: Line on its left in the road's direction of travel, as seen from this lane.
 
     Raises:
@@ -129,7 +130,7 @@ class Lane:
     left_mark: RoadMark
 
     def __post_init__(self) -> None:
-        """Refuse fields of another type or out of range; `check_batch` takes any dataclass."""
+        """Refuse fields of another type or out of range; `check_batch` accepts any dataclass."""
         check_batch(self, f"lane {self.lane_id}")
 
     def mirror(self) -> Self:
@@ -326,13 +327,13 @@ class Road:
         """
         station = np.asarray(s, np.float64)
         grade = (self.course or RoadCourse()).grade
-        # 0.0 is the start, where the height is 0; no knot is lower.
+        # 0.0 is the start of the road, where the height is 0; no knot has a smaller station.
         knots = np.array(sorted({0.0, *(knot for knot, _ in grade)}))
         slopes = self.grade_at(knots)
         # The slope is linear between knots, so trapezoids are its exact integral.
         rises = 0.5 * (slopes[1:] + slopes[:-1]) * np.diff(knots)
         heights = np.concatenate([[0.0], np.cumsum(rises)])
-        # The last knot at or before each station; the first knot for stations before the road.
+        # The last knot at or before each station; for stations before the road, the first knot.
         previous = np.clip(np.searchsorted(knots, station, side="right") - 1, 0, None)
         rise = 0.5 * (slopes[previous] + self.grade_at(station)) * (station - knots[previous])
         return heights[previous] + rise
@@ -369,10 +370,10 @@ class Road:
         """
         if self.is_curved:
             return _reference_line(self.segments).to_road(x, y)
-        east = np.asarray(x, dtype=np.float64) - self.x0
-        north = np.asarray(y, dtype=np.float64) - self.y0
+        dx = np.asarray(x, dtype=np.float64) - self.x0
+        dy = np.asarray(y, dtype=np.float64) - self.y0
         cosine, sine = cos_sin(self.heading)
-        return east * cosine + north * sine, north * cosine - east * sine
+        return dx * cosine + dy * sine, dy * cosine - dx * sine
 
     def to_source(self, x: ArrayLike, y: ArrayLike) -> tuple[F64, F64]:
         """Convert world coordinates to coordinates of the file that the road comes from.
@@ -416,7 +417,8 @@ class Road:
             Integers of the same shape: -1 beyond the edge on the kerb side, and `num_lanes` on the
             edge on the overtaking side and beyond it.
         """
-        # With this sign the boundaries ascend in left-hand traffic, too, as `searchsorted` demands.
+        # `searchsorted` requires ascending boundaries; without the sign they descend in left-hand
+        # traffic.
         sign = self.overtaking_sign
         offset = sign * np.asarray(d, dtype=np.float64)
         return np.searchsorted(sign * self.lane_boundaries, offset, side="right") - 1
@@ -478,7 +480,7 @@ class Road:
         )
 
     def extend_to(self, length: float) -> Self:
-        """The same road with a straight continuation at its end, for traffic that runs on.
+        """The same road with a straight continuation at its end, so that vehicles can drive on.
 
         The last values of `course`, such as the grade, hold on the continuation; zones and spans
         end where they ended.
@@ -504,7 +506,7 @@ class Road:
         )
 
     def _check_lanes(self) -> None:
-        """Refuse invalid driving lanes, equal ids, and lanes that disagree on the line between."""
+        """Refuse invalid driving lanes, equal ids, and contradicting marks of adjacent lanes."""
         if not 1 <= self.num_lanes <= MAX_LANES:
             raise self._error("driving lanes", f"1 to {MAX_LANES}", str(self.num_lanes))
         ids = [lane.lane_id for lane in self.lanes]
@@ -538,7 +540,7 @@ class Road:
         if stations and max(stations) > self.length:
             length = f"at most {self.length:g} m, the length of the road"
             raise self._error("course", length, f"{max(stations):g} m")
-        # A span is by definition a stretch with a lower limit, so an equal one is refused, too.
+        # A span is by definition a stretch with a lower limit, so an equal limit is an error, too.
         limits = [span.speed for span in course.speed_limit_spans]
         if limits and max(limits) >= self.speed_limit:
             lower = f"below {self.speed_limit:g} m/s, the limit of the road"
@@ -574,7 +576,7 @@ class Road:
             )
 
     def _check_driving_lane(self, lane: Lane) -> None:
-        """Refuse a driving lane of another width, type or direction than the model has."""
+        """Refuse a driving lane with an invalid width, type or direction."""
         if not MIN_LANE_WIDTH <= lane.width <= MAX_LANE_WIDTH:  # Also true for NaN.
             raise self._error(
                 f"width of lane {lane.lane_id}",

@@ -41,19 +41,19 @@ MAX_SIGHT = 10_000.0
 vehicles."""
 
 MAX_SPANS = 1_000
-"""Most entries in each of the fields of spans, zones and sight. Chosen: ten per kilometre of the
-longest road."""
+"""Largest number of entries in each of the fields of spans, zones and sight. Chosen: ten per
+kilometre of the longest road."""
 
 MAX_SEGMENTS = 20_000
-"""Most segments of a reference line. Chosen: one per 5 m of the longest road."""
+"""Largest number of segments of a reference line. Chosen: one per 5 m of the longest road."""
 
 MAX_CURVATURE = 0.1
 """Largest curvature of a reference line [1/m]: a radius of 10 m. Drivers do not overtake in sharper
 bends."""
 
 MAX_GRADE = 0.2
-"""Largest rise or fall per metre. Chosen: main roads hardly exceed 0.1. A few streets with up to a
-third are too steep for this limit."""
+"""Largest rise or fall per metre [1]. Chosen: main roads hardly exceed 0.1. A few streets are
+steeper than this limit, up to a third."""
 
 MAX_SPEED_LIMIT = 100.0
 """Largest speed limit [m/s], above any posted one. Readers of map files use it for roads without a
@@ -133,8 +133,8 @@ class RoadMark(enum.Enum):
 class ZoneKind(enum.Enum):
     """Kind of a zone, a place where the law restricts overtaking.
 
-    In the last three a sign forbids overtaking: to every driver, to drivers of heavy vehicles, and
-    to riders of motorcycles and mopeds.
+    The last three are stretches on which a sign forbids overtaking: to every driver, to drivers of
+    heavy vehicles, and to riders of motorcycles and mopeds.
     """
 
     JUNCTION = "junction"
@@ -153,7 +153,7 @@ class RoadZone:
     """A stretch of road on which the law restricts overtaking.
 
     Attributes:
-        kind: The reason. A bend has reduced visibility; a narrow road is too narrow for passing.
+        kind: The reason. `BEND` has reduced visibility; `NARROW` is too narrow for passing.
         start: Station of its start [m].
         stop: Station of its end, greater than `start` [m].
         direction: Direction of travel that is restricted: +1, -1, or 0 for both.
@@ -215,9 +215,9 @@ class RoadCourse:
             `Road.speed_limit` applies.
         zones: Zones, in any order; they may overlap.
         sight: Distance that a driver of direction +1 sees along the road: pairs (station [m],
-            distance [m]). If it alone is empty, the road does not limit sight in this direction. If
-            `sight_against` is empty, too, `world.sight_distance` computes the sight of both
-            directions from bends and slopes.
+            distance [m]). If only this field is empty, the road does not limit sight in this
+            direction. If `sight_against` is empty, too, `world.sight_distance` computes the sight
+            of both directions from bends and slopes.
         sight_against: The same for a driver of direction -1.
 
     Raises:
@@ -237,12 +237,12 @@ class RoadCourse:
     def __post_init__(self) -> None:
         """Check the order, the number and the range of all entries."""
         check_batch(self, "course of a road")
-        # Without `grade`: readers sample it as densely as the map file states heights.
+        # `grade` has no limit, because readers sample it as densely as the map file states heights.
         for name in ("centre_line_spans", "speed_limit_spans", "zones", "sight", "sight_against"):
             if len(getattr(self, name)) > MAX_SPANS:
                 raise _error(name, f"at most {MAX_SPANS}", len(getattr(self, name)))
         for span in (*self.centre_line_spans, *self.speed_limit_spans, *self.zones):
-            check_batch(span, "course of a road")  # The first call does not look into tuples.
+            check_batch(span, "course of a road")  # The call above does not look into tuples.
             if not span.start < span.stop:
                 raise _error("stretch", "start before stop", f"{span.start:g} to {span.stop:g} m")
         _check_order("centre_line_spans", self.centre_line_spans)
@@ -356,13 +356,13 @@ def marks_along(spans: Sequence[CentreLineSpan], default_mark: RoadMark) -> tupl
     Returns:
         The changes of the mark in order of their stations; each mark differs from the previous one.
     """
-    starts = [MarkChange(-math.inf, default_mark)]
+    candidates = [MarkChange(-math.inf, default_mark)]
     for span in spans:
-        if starts[-1].station == span.start:  # The previous span ends here: no default between.
-            starts.pop()
-        starts += [MarkChange(span.start, span.mark), MarkChange(span.stop, default_mark)]
-    changes = starts[:1]
-    for change in starts[1:]:
-        if change.mark is not changes[-1].mark:
-            changes.append(change)
+        if candidates[-1].station == span.start:  # No default mark: the previous span ends here.
+            candidates.pop()
+        candidates += [MarkChange(span.start, span.mark), MarkChange(span.stop, default_mark)]
+    changes = candidates[:1]
+    for candidate in candidates[1:]:
+        if candidate.mark is not changes[-1].mark:  # Else the mark stays the same.
+            changes.append(candidate)
     return tuple(changes)

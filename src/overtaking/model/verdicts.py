@@ -32,18 +32,18 @@ class Verdict(IntEnum):
 
     LEGAL = 0
     ILLEGAL = 1
-    NOT_APPLICABLE = 2  # The situation that the rule is about does not occur.
-    UNDECIDABLE = 3  # The recording lacks a property that the rule needs, or is not exact enough.
+    NOT_APPLICABLE = 2  # The situation that the rule regulates does not occur.
+    UNDECIDABLE = 3  # The recording omits a property that the rule needs, or is not exact enough.
 
 
 class Belief(IntEnum):
-    """True verdict on a decision of the ego's driver, compared with the verdict on its belief."""
+    """Verdicts on a decision of the ego's driver: by the truth and by the driver's belief."""
 
     NONE = 0  # The rule does not judge beliefs, or no belief was recorded.
-    LEGAL = 1  # Legal, and legal by belief.
-    MISTAKEN = 2  # Illegal, but legal by belief.
-    KNOWINGLY_ILLEGAL = 3  # Illegal, and illegal by belief.
-    LUCKY = 4  # Legal, but illegal by belief.
+    LEGAL = 1  # Legal by both.
+    MISTAKEN = 2  # Illegal by the truth, legal by belief.
+    KNOWINGLY_ILLEGAL = 3  # Illegal by both.
+    LUCKY = 4  # Legal by the truth, illegal by belief.
 
 
 class Severity(IntEnum):
@@ -66,7 +66,7 @@ class OvertakeClass(IntEnum):
     NO_ATTEMPT = 0  # The ego begins no overtake.
     SUCCESS_I = 1  # Completed, and illegal.
     SUCCESS_L = 2  # Completed, and legal.
-    UNSUCCESS_COL = 3  # Collision.
+    UNSUCCESS_COL = 3  # The ego collides.
     UNSUCCESS_NCOL = 4  # Begun and not completed, without a collision.
     SUCCESS_U = 5  # Completed; no required rule is broken, but one is undecidable.
     CENSORED = 6  # The recording ends during the overtake; left out of rates.
@@ -78,7 +78,7 @@ class OvertakeClass(IntEnum):
         return _TITLES[self]
 
 
-# In the order of the integers of `OvertakeClass`. Data sets hold these texts, so they stay.
+# In the order of the integers of `OvertakeClass`. Data sets hold these texts: do not change them.
 _TITLES = (
     "No_attempt",
     "Success_I",
@@ -95,8 +95,8 @@ _TITLES = (
 class Case(IdentityBatch):
     """All inputs of rules and features, for a batch of simulations.
 
-    Functions cache their results per `Case` object, through weak references; therefore `==` is true
-    for the same object only.
+    Functions cache their results per `Case` object, through weak references. So two cases are equal
+    only if they are the same object.
 
     Attributes:
         trajectories: The recorded states, with road, weather and vehicles.
