@@ -32,7 +32,7 @@ STEPS_PER_SECOND = np.float32(1000 // STEP_MS)
 DECISIONS_PER_SECOND = np.float32(1000 // (STEP_MS * SUBSTEPS))
 
 _UNLIMITED = 1e6
-"""A range of sight that hides no vehicle: neighbours are never so far apart [m]."""
+"""A range of attention that excludes no vehicle: neighbours are never so far apart [m]."""
 
 
 # The paths below name a file of `knowledge/data`, a section and an entry: `model.time.step` is the
@@ -49,7 +49,7 @@ def _constant_field(path: str) -> Any:
 
 
 def _inverse_field(path: str) -> Any:
-    """A dataclass field whose default is one over an entry; the step multiplies by it."""
+    """A dataclass field whose default is one over an entry: the step multiplies, not divides."""
     return field(default_factory=lambda: ONE / constant(path))
 
 
@@ -81,17 +81,17 @@ class ModelConstants:
         after_overtake: Time simulated after the ego has returned from its overtake [s].
         after_collision: Time simulated after the ego has collided or left the road [s].
         min_effective_gap: Smaller gaps count as this in car following [m].
-        jerk_up: Fastest growth of the acceleration, from zero or more [m/s^3].
+        jerk_up: Fastest growth of the acceleration while it is zero or more [m/s^3].
         jerk_down: Fastest fall of the acceleration for moderate braking [m/s^3].
         brake_ramp: Time in which a driver builds up strong braking: the acceleration falls at the
             desired deceleration divided by this time, if that exceeds `jerk_down` [s].
         stop_lamp_max_time_gap: Time gap above which a driver ignores stop lamps of its leader [s].
-        stop_lamp_full_time_gap: Time gap below which a driver fully adopts the braking that its
-            braking leader demands [s].
+        stop_lamp_full_time_gap: Time gap up to which a driver brakes as hard as its braking leader
+            makes necessary; from here to `stop_lamp_max_time_gap` the reaction fades [s].
         jerk_release: Fastest growth of the acceleration while it is negative [m/s^3].
         coolness: The car-following model (IIDM) can brake harder than a leader of constant
-            acceleration requires. This is then the weight of the required braking, and 1 minus it
-            the weight of the IIDM's (Treiber and Kesting 2013) [1].
+            acceleration requires. Then `coolness` is the weight of the required braking, and
+            1 - `coolness` the weight of the braking by the IIDM (Treiber and Kesting 2013) [1].
         signalling_time_gap: Share of the desired time gap that a driver keeps while it signals to
             pull out [1].
         corridor_margin: A vehicle occupies a lane that it overlaps by more than this [m].
@@ -103,20 +103,21 @@ class ModelConstants:
             the leader there [s].
         visible_fraction: Share of the duration of a lane change after which other drivers notice it
             [1].
-        cooldown: Time from the start of a lane change of the others to their next one that is no
-            overtake, see `abort_cooldown` [s].
+        cooldown: Time from the start of a lane change of the others to the start of their next one,
+            unless that is an overtake: then `abort_cooldown` applies [s].
         min_lane_change_duration: Shortest duration of a lane change that avoids a leader [s].
         abort_duration_share: Duration of the way back of a cancelled lane change, over the usual
             duration of a lane change [1].
         claim_time: Two drivers may signal for the same lane, one from its left and one from its
-            right. One of them waits if they are less than this time apart along the road [s].
-        foresight: Time for which a new follower is judged ahead [s].
-        foresight_accel: Acceleration assumed of it during that time [m/s^2].
+            right. The rear one waits if they are less than this time apart along the road [s].
+        foresight: Before a lane change, the new follower is judged at its present state and at its
+            state after this time [s].
+        foresight_accel: Acceleration that the new follower is assumed to have in that time [m/s^2].
         no_passing_right_speed: Speed above which drivers do not pass on the kerb side [m/s].
-        min_rear_gap: Gap to the vehicles of the new lane for a lane change, at least [m].
+        min_rear_gap: Smallest gap to the vehicles of the new lane for a lane change [m].
         free_ahead_time: The others return to the slower lane if the time gap to the next leader
             there is longer [s].
-        max_imposed_decel: Braking that a lane change may demand of the new follower, at most
+        max_imposed_decel: Hardest braking that a lane change may demand of the new follower
             [m/s^2].
         abort_imposed_factor: Factor on the braking accepted for the follower; more braking cancels
             the lane change [1].
@@ -139,7 +140,8 @@ class ModelConstants:
         mirror_range: Distance to which drivers attend to vehicles in the mirrors [m].
         unseen_gap: Gap that a driver believes in where it has noticed no vehicle [m].
         initial_time_in_view: Time for which vehicles in view count as seen at the start [s].
-        lamp_decel: Deceleration that stop lamps suggest, until looming shows it [m/s^2].
+        lamp_decel: Smallest deceleration that a driver assumes of a vehicle with lit stop lamps,
+            until looming shows the true one [m/s^2].
         error_fade_time: TTC below which errors of judgement become smaller [s].
         urgent_time: TTC below which drivers react with their shorter, urgent reaction time [s].
         brake_memory: Number of decisions over which drivers judge the braking of a leader [1].
@@ -150,11 +152,12 @@ class ModelConstants:
         alongside: Lateral gap below which a driver notices a vehicle in that area [m].
         glance_interval: Decisions between two looks at mirrors and other lanes [1].
         glance_moving: The same in the first half of a lane change [1].
-        glance_stagger: Decisions from the look of a vehicle to the look of the next vehicle [1].
+        glance_stagger: Decisions from the look of one driver to the look of the driver in the next
+            slot, so that few drivers look at the same time [1].
         glance_time: Time in view that one such look adds for a vehicle [s].
         looming_threshold: Growth of the visual angle from which an approach is noticed [rad/s].
-        looming_growth: Drivers perceive a part of the closing speed above that threshold, and all
-            of it from 1 plus this times the threshold [1].
+        looming_growth: Above the threshold drivers perceive a growing part of the closing speed,
+            and all of it from (1 + `looming_growth`) times the threshold [1].
         lane_deviation: Standard deviation of the wandering in the lane [m].
         error_time: Correlation time of errors of judgement [s].
         lane_time: Correlation time of the wandering in the lane [s].
@@ -163,14 +166,14 @@ class ModelConstants:
         puddle_slope: A puddle has its full depth where the two waves add up to 1 / `puddle_slope`
             below the threshold of `road_surface.puddle_depth_share` [1].
         spray_coefficient: Extinction in the spray of a car at `spray_speed` [1/m].
-        spray_film: Film of water from which the spray grows no more [mm].
+        spray_film: Film of water beyond which the spray does not grow [mm].
         spray_speed: Reference speed of the spray, which grows with the square of speed [m/s].
         spray_reach: Length of the spray behind a vehicle [m].
         rain_speed: Speed at which a driver meets twice the rain of an observer at rest [m/s].
         inverse_stop_lamp: One over the luminous intensity of a stop lamp [1/cd].
         position_gain: Lateral acceleration per lateral error in steering [1/s^2].
         velocity_gain: Lateral acceleration per error of the lateral speed [1/s].
-        yaw_gain: Gain on the wanted lateral acceleration minus speed times yaw rate [1].
+        yaw_gain: Gain on the requested lateral acceleration minus speed times yaw rate [1].
         slip_share: Largest front slip angle that drivers steer, over the ratio of the friction
             coefficient to the cornering stiffness per load [1].
         wind_lag: Time constant with which drivers steer against side wind [s].
@@ -204,7 +207,7 @@ class ModelConstants:
         wind_angle_factor: The side force grows with the sine of this factor times the angle of the
             relative wind, up to its maximum [1].
         gust_spacing: Distance from one single gust of a bridge or cutting to the next [m].
-        shelter_factor: Share of the cross wind in the lee of a high-sided vehicle [1].
+        shelter_factor: Share of the cross wind that remains in the lee of a high-sided vehicle [1].
         shelter_reach: Lateral gap up to which the lee acts [m].
         shelter_release: Distance beyond that vehicle over which the wind returns, in lengths of the
             vehicle [1].
@@ -212,7 +215,7 @@ class ModelConstants:
         two_wheeler_distance_factor: Believed over true distance of oncoming two-wheelers [1].
         passing_speed_surplus: Speed above the target's that drivers want while passing against
             oncoming traffic [m/s].
-        min_change_distance: Distance along the road that an urgent lane change takes at least [m].
+        min_change_distance: Shortest distance along the road that an urgent lane change takes [m].
         min_return_gap: Gap to the target that drivers keep in an urgent return or abort [m].
         min_return_space: Gap to the leader plus gap to the follower in the lane to return to, below
             which a driver aborts instead [m].
@@ -407,7 +410,7 @@ class ModelConstants:
         return dataclasses.replace(self, **numbers)
 
 
-# With `from __future__ import annotations`, `entry.type` would be a string and equal to no type.
+# `entry.type` is a type only because this module does not import `annotations` from `__future__`.
 CONSTANT_NAMES = tuple(
     entry.name for entry in dataclasses.fields(ModelConstants) if entry.type is np.float32
 )
@@ -466,8 +469,7 @@ def without_disabled_effects(constants: ModelConstants, effects: EnabledEffects)
     if not effects.gusts:
         changes["turbulence_intensity"] = 0.0
     if not effects.wake:
-        # In the lee of another vehicle all of the cross wind remains.
-        changes["shelter_factor"] = 1.0
+        changes["shelter_factor"] = 1.0  # All of the cross wind remains.
     if not effects.looming:
         changes["looming_threshold"] = 0.0
     if not effects.delay:

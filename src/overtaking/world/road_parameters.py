@@ -33,8 +33,8 @@ from overtaking.world.constants import ModelConstants
 from overtaking.world.sight_distance import visible_distance
 
 MAX_STATIONS = 64
-"""Columns of the tables of sight and of the line between the directions. Chosen; the tables of the
-compiled engine have the same number."""
+"""Number of columns of the tables of sight and of the line between the directions. Chosen; the
+compiled engine has tables of the same size."""
 
 _SOLID = (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
 """Marks that a vehicle must not cross from the lane that the mark belongs to. The first word of a
@@ -56,8 +56,8 @@ class CourseTable(NamedTuple):
     Attributes:
         curvature: Positive where the road bends towards the overtaking side [1/m].
         sine_of_slope: Positive where the road rises along `s` [1].
-        radius_along: Radius by which drivers choose their speed: large where the next bends are
-            wide or far ahead. `_course_table` has the formula [m].
+        radius_along: Radius by which drivers along the road choose their speed: large where the
+            next bends are wide or far ahead. `_course_table` has the formula [m].
         radius_against: The same for the other direction [m].
         sight_along: Length of road that a car driver sees past bends and over crests. It is `_FAR`
             if the road has neither, or if the map states sight distances, which
@@ -66,8 +66,8 @@ class CourseTable(NamedTuple):
         truck_sight_along: Length of road that a truck driver sees, over crests more than a car
             driver [m].
         truck_sight_against: The same for the other direction [m].
-        allowed_speed_along: Largest speed that the limits here and ahead allow: from it, a driver
-            can slow down in time for each of them [m/s].
+        allowed_speed_along: Largest speed that the limits here and ahead allow: a driver at this
+            speed can slow down in time for each limit [m/s].
         allowed_speed_against: The same for the other direction [m/s].
     """
 
@@ -104,8 +104,8 @@ class RoadParameters:
             cross the line between the directions, else 0; the same for oncoming traffic. Shape
             (3, MAX_STATIONS); zeros without oncoming traffic.
         course_table: Geometry, computed sight and limits by station.
-        boundaries: Lane borders from the kerb side to the overtaking side; behind the last border
-            copies of it. Shape (MAX_LANES + 1,) [m].
+        boundaries: Lane borders from the kerb side to the overtaking side, then copies of the last
+            one. Shape (MAX_LANES + 1,) [m].
         film_path: Factor of the film of water in each lane (`road_surface.film_path_factor`). It
             grows with the lane's distance from the crown, the highest line of the road. Shape
             (MAX_LANES,) [1].
@@ -157,8 +157,8 @@ def road_parameters(road: Road) -> RoadParameters:
     borders = overtaking_sign * as_f32(road.lane_boundaries)
     has_oncoming_traffic = has_two_directions(road)
     if has_oncoming_traffic:
-        # The opposing lane is one more lane, as wide as lane 0. Turned by half a circle each lane
-        # becomes the other, so the step treats oncoming vehicles like all others, in their frame.
+        # The opposing lane is one more lane, as wide as lane 0. A turn by half a circle exchanges
+        # the two lanes, so the step treats oncoming vehicles like all others, in their frame.
         borders = np.append(borders, borders[-1] + np.float32(road.lanes[0].width))
     edge_sum = borders[0] + borders[-1]
     num_lanes = len(borders) - 1
@@ -338,10 +338,10 @@ def _sight_table(road: Road) -> F32:
     course = road.course or RoadCourse()
     tables = []
     for pairs in (course.sight, course.sight_against):
-        # If the map states no sight distance for this direction, it is unlimited everywhere.
+        # If the map states no sight distance for this direction, sight is unlimited everywhere.
         sight = StationTable.from_pairs(pairs or ((0.0, _FAR),))
-        # The step interpolates from the last station behind a driver. An additional station before
-        # the road serves drivers before the first stated one; up to it, the distance is constant.
+        # The step interpolates from the last station behind a driver. Drivers before the first
+        # stated station need one, too: an additional station, with the same sight distance.
         rows = [
             np.append(-_FAR, sight.station),
             np.append(sight.value[0], sight.value),
@@ -389,14 +389,14 @@ def _course_table(road: Road) -> CourseTable:
     radius = 1.0 / np.maximum(np.abs(curvature), 1.0 / _FAR)
     # With x as a difference of two stations, the smallest sum is a running minimum: from the end
     # of the road backwards for drivers along it, from its start for drivers against it.
-    gain = 2.0 * decel_over_accel * stations
-    radius_along = np.minimum.accumulate((radius + gain)[::-1])[::-1] - gain
-    radius_against = np.minimum.accumulate(radius - gain) + gain
+    radius_gain = 2.0 * decel_over_accel * stations
+    radius_along = np.minimum.accumulate((radius + radius_gain)[::-1])[::-1] - radius_gain
+    radius_against = np.minimum.accumulate(radius - radius_gain) + radius_gain
     allowed_along, allowed_against = (
         _allowed_speeds(road.speed_limit, course.speed_limits_for(direction), stations, direction)
         for direction in (1, -1)
     )
-    # The order is the order of the fields of `CourseTable`.
+    # In the order of the fields of `CourseTable`.
     rows = [
         road.overtaking_sign * curvature,
         slope / np.sqrt(1.0 + slope * slope),
@@ -415,9 +415,8 @@ def _allowed_speeds(
     """Largest speed from which a driver slows down in time for every limit ahead [m/s].
 
     At a distance x before the span of a limit l it is sqrt(l^2 + 2 b x), with the deceleration b
-    (`bend_decel`). `interpolate_course` is linear between stations, so a vehicle in a span must
-    find the limit at the stations before and behind it: each span is extended by one spacing at
-    either end.
+    (`bend_decel`). `interpolate_course` is linear between stations, so the stations on both sides
+    of a vehicle in a span must have the limit: each span is extended by one spacing at either end.
 
     Args:
         default_limit: Limit outside all spans [m/s].
@@ -447,8 +446,8 @@ def _allowed_speeds(
 def _sight_rows(road: Road, num_stations: int) -> list[F64]:
     """Four rows of sight distances: from a car along and against the road, then from a truck [m].
 
-    `visible_distance` returns None where it has no distances to compute: the map states them, which
-    `RoadParameters.sight` holds, or the road has neither bends nor grades.
+    `visible_distance` returns None if the road has neither bends nor grades, or if the map states
+    sight distances (`RoadParameters.sight`).
     """
     unlimited = np.full(num_stations, _FAR)
     from_car, from_truck = [], []

@@ -27,14 +27,14 @@ _FULL = np.float32(100.0)
 """The largest value of CARLA's weather parameters [%]."""
 
 # Shifts of the two waves of puddles from one wheel path to the next, in wave lengths: neighbouring
-# wheel paths have puddles at different places. 0.618 is one over the golden ratio, and 0.382 is its
-# square. Multiples of these fill a period evenly. The engine has the same numbers.
+# wheel paths have puddles at different places. The first is one over the golden ratio, the second
+# its square, because multiples of these fill a period evenly. The engine has the same numbers.
 _PHASE_STEP_1 = np.float32(0.618_034)
 _PHASE_STEP_2 = np.float32(0.381_966)
 
 _MAX_DISTANCE = np.float32(1e6)
 """Longer distances count as this in `stoppable_speed`, so that infinite sight gives a finite speed
-[m]. Chosen: no vehicle is so fast that it needs more."""
+[m]. Chosen: no vehicle needs more to stop."""
 
 
 def rain_rate(rain: F32) -> F32:
@@ -66,7 +66,7 @@ def min_wet_film(rate: F32, puddles: F32) -> F32:
 def puddle_depth(puddles: F32) -> F32:
     """Full depth of a puddle above the film [mm].
 
-    It is 0 up to 50 % of deposits, where the places of `puddle_cover` hold no water.
+    It is 0 up to 50 % of deposits: below, the road under `puddle_cover` holds no standing water.
 
     Args:
         puddles: CARLA's precipitation deposits, 0 to 100, any shape [%].
@@ -160,10 +160,10 @@ def puddle_depth_share(
 ) -> F32:
     """Depth of the puddle at a point, as a share of its full depth, 0 outside puddles to 1.
 
-    Puddles are where the sum of two triangle waves along the wheel path is below a threshold t. The
+    A puddle is where the sum of two triangle waves along the wheel path is below a threshold t. The
     wave lengths, 23 m and 37 m, have no common divisor, so the sum is distributed like the sum of
-    two independent uniform numbers: a share t^2 / 2 of the path lies below a threshold t <= 1. The
-    depth grows linearly below the threshold, up to the full depth.
+    two independent uniform numbers: on a share t^2 / 2 of the path it is below a threshold t <= 1.
+    The farther the sum is below the threshold, the deeper is the water, up to the full depth.
 
     Args:
         constants: Constants of the model.
@@ -200,12 +200,12 @@ def peak_friction(constants: ModelConstants, speed: F32, film: F32, wear: F32, t
 def friction_at_speed(constants: ModelConstants, speed: F32, wear: F32, truck: F32) -> list[F32]:
     """Peak friction at the four films of the table of friction, for a speed and a tyre [1].
 
-    The first half of `peak_friction`: callers that need several films at one speed call it once,
-    and then `friction_at_film` for each film.
+    This is the first half of `peak_friction`. A caller that needs several films at one speed calls
+    it once, and then `friction_at_film` for each film.
 
     The table has rows for 50, 90 and 130 km/h and columns for 0, 0.2, 1 and 2 mm of water, once for
     new and once for worn tyres. Truck tyres have less friction on a dry road. On more than 0.2 mm
-    they lose less of it with speed, as their high pressure delays hydroplaning.
+    they lose less friction with speed, as their high pressure delays hydroplaning.
 
     Args:
         constants: Constants of the model.

@@ -39,8 +39,8 @@ from overtaking.world.road_parameters import road_parameters
 from overtaking.world.road_surface import PERCENT
 
 _HIGH_SUN = np.float32(0.8)
-"""Altitude of a sun that brings neither night nor glare: 46 degrees, where glare ends at 18 [rad].
-Chosen."""
+"""Altitude of a sun that brings neither night nor glare [rad]: 46 degrees, while glare ends at 18
+degrees. Chosen."""
 
 _NO_LAMP_VISIBLE = np.float32(1e9)
 """A threshold of illuminance that no lamp reaches [lx]."""
@@ -53,7 +53,7 @@ class SimulationParameters(NamedTuple):
         last_step: Step at which the simulation ends at the latest.
         deadline_step: Step at which it ends if the ego has not attempted to overtake.
         fog_extinction: Extinction coefficient of fog [1/m].
-        rain_extinction: Extinction coefficient of rain, to an observer at rest [1/m].
+        rain_extinction: Extinction coefficient of rain for an observer at rest [1/m].
         log_contrast_sensitivity_ahead: Logarithm of the glare factor (share of contrast that the
             glare of a low sun leaves) over the smallest contrast that a driver detects, in the
             direction of travel [1].
@@ -94,7 +94,7 @@ class SimulationParameters(NamedTuple):
         oncoming_sight: Distance at which a driver sees an oncoming car in this weather [m].
         expected_oncoming_speed: Speed that drivers assume of oncoming vehicles until their images
             grow visibly [m/s].
-        urgent_change_duration: Duration of the shortest lane change in an emergency [s].
+        urgent_change_duration: Shortest duration of a lane change in an emergency [s].
         rain_slowing: Reduction of speed by a fully cautious driver in this rain [m/s].
         stoppable_speed: Largest speed from which a driver can stop before a lit vehicle that comes
             in sight [m/s].
@@ -259,7 +259,7 @@ def scene_conditions(scenario: Scenario, effects: EnabledEffects | None = None) 
     draws = PhiloxStream(scenario.seed, scenario.scenario_index, Stream.WIND_AND_WATER)
     effective_scenario = with_effective_weather(scenario)
     # `draws` gives successive random numbers, which depend on seed and scenario. Wind draws first,
-    # then puddles, then pushes: another order would give each seed other simulations.
+    # then puddles, then pushes: another order would change the simulations of every seed.
     wind = _wind(effective_scenario, draws, effects)
     phases = {"puddle_phase_1": draws.uniform(), "puddle_phase_2": draws.uniform()}
     pushes = _pushes(scenario, draws)
@@ -349,7 +349,7 @@ def mean_wind(scenario: Scenario) -> tuple[F32, F32]:
 
 
 def _pushes(scenario: Scenario, draws: PhiloxStream) -> dict[str, F32]:
-    """Fields of pushes, which act towards the side to which the wind blows.
+    """Fields of pushes; a push acts towards the side to which the wind blows.
 
     Their rate is proportional to the mean of rain and wind: at 100 % of both there is one push in
     each `LateralPushes.interval`. Their strength is the same in all weather.
@@ -396,7 +396,7 @@ def _draw_between(draws: PhiloxStream, low: str, high: str) -> F32:
 def _weather_effects(scenario: Scenario, effects: EnabledEffects) -> WeatherEffects:
     """Compute `WeatherEffects`; disabled effects have neutral numbers.
 
-    Vision is reduced by the recorded weather, all else follows the effective weather.
+    The reduced field of vision depends on the recorded weather, all else on the effective weather.
     """
     effective_scenario = with_effective_weather(scenario)
     rate = road_surface.rain_rate(effective_scenario.weather.rain)
@@ -416,8 +416,8 @@ def _film(scenario: Scenario, rate: F32, effects: EnabledEffects) -> dict[str, F
         "min_wet_film": road_surface.min_wet_film(rain, puddles),
         "film_rain_factor": road_surface.film_rain_factor(rain),
         "texture_depth": np.full_like(rate, constant("weather.film.texture_depth_mm")),
-        # By the distribution of the waves, half the square of the threshold is the share of the
-        # road under puddles.
+        # The share of the road under puddles is half the square of the threshold, as
+        # `puddle_depth_share` explains.
         "puddle_threshold": np.sqrt(TWO * road_surface.puddle_cover(puddles)),
         "puddle_film": road_surface.puddle_depth(puddles),
     }
@@ -488,7 +488,7 @@ def _reduced_vision(scenario: Scenario, effects: EnabledEffects) -> dict[str, F3
     """Fields that limit sight in a scenario with pushes; empty in all others.
 
     The result replaces two fields of `_sight_ahead`. No lamp is visible, by day or at night:
-    otherwise lamps would show vehicles beyond a reduced field of vision.
+    otherwise drivers would see the lamps of vehicles beyond a reduced field of vision.
     """
     if scenario.pushes is None or not effects.range:
         return {}
