@@ -59,7 +59,7 @@ _READER_OPTIONS: dict[str, Any] = {
     "driving_side": str,
     "speed_limit": float,
 }
-"""Types of the options of all readers; the reader of a format refuses those that it lacks."""
+"""Types of the options of all formats; a reader refuses options that its format does not have."""
 
 
 @check_arguments
@@ -85,11 +85,12 @@ def export_dataset(
             the three input files of Popper.
         file_format: A name in `EXPORT_FORMATS`.
         simulation_ids: Numbers of the simulations to write, from 0; None for all.
-        overtake_class: Of these, only simulations with this class, such as `Success_L` (completed
-            and legal); None for all.
+        overtake_class: Write only those simulations that have this class, such as `Success_L`
+            (completed and legal); None for all classes.
         policy: The set of rules of law that decides whether an overtake is legal, and so its class:
             `paper`, `default` or `strict`; None for the default of the profile.
-        progress: Called with the number of simulations that are done, and of all; not for `popper`.
+        progress: Called with the number of simulations that are written, and of all; not for
+            `popper`.
         options: For `asp` and `prolog`: `frame_step`, the interval between written positions, 1 or
             more frames (recorded instants), 10 by default; and `with_law=True`, which adds the
             facts that only the rules of law read. For `popper`: `about`, the fact to learn:
@@ -110,15 +111,15 @@ def export_dataset(
     target = folder_of(out, "export to")
     _check_export_options(file_format, options)
     source = load_dataset(dataset)
-    numbers = _selected_simulations(source, simulation_ids, overtake_class, policy)
+    selected_ids = _selected_simulations(source, simulation_ids, overtake_class, policy)
     if file_format in ("asp", "prolog"):
-        return _export_facts(source, target, file_format, numbers, progress, **options)
+        return _export_facts(source, target, file_format, selected_ids, progress, **options)
     if file_format == "popper":
-        return _export_popper(source, target, numbers, policy, **options)
-    total = len(source) if numbers is None else len(numbers)
-    if file_format in recording_export.FORMATS:  # Those with files for each simulation.
+        return _export_popper(source, target, selected_ids, policy, **options)
+    total = len(source) if selected_ids is None else len(selected_ids)
+    if file_format in recording_export.FORMATS:  # The formats with files for each simulation.
         return recording_export.write_folder(
-            source.batches(numbers),
+            source.batches(selected_ids),
             target,
             file_format=file_format,
             total=total,
@@ -132,9 +133,9 @@ def export_dataset(
     def tables() -> Iterator[pa.Table]:
         """Parts of the table, one batch of simulations at a time to save memory."""
         num_done = 0
-        for batch_numbers, trajectories in source.batches(numbers):
-            yield pinto2023.to_table(trajectories, batch_numbers)
-            num_done += len(batch_numbers)
+        for batch_ids, trajectories in source.batches(selected_ids):
+            yield pinto2023.to_table(trajectories, batch_ids)
+            num_done += len(batch_ids)
             if progress is not None:
                 progress(num_done, total)
 
@@ -150,8 +151,8 @@ def _event_times(dataset: Dataset) -> dict[int, dict[str, float]]:
     event_times = defaultdict[int, dict[str, float]](dict)
     table = dataset.table("events")
     columns = (table[name].to_pylist() for name in ("simulation", "event", "time_ms"))
-    for number, event, time_ms in zip(*columns, strict=True):
-        event_times[number][event] = time_ms / 1000.0
+    for simulation_id, event, time_ms in zip(*columns, strict=True):
+        event_times[simulation_id][event] = time_ms / 1000.0
     return event_times
 
 
@@ -168,8 +169,8 @@ def _selected_simulations(
     """
     from overtaking.data.choice import chosen as select_simulations
 
-    numbers = select_simulations(dataset, simulation_ids, overtake_class, policy)
-    if numbers is not None and not numbers.size:
+    selected_ids = select_simulations(dataset, simulation_ids, overtake_class, policy)
+    if selected_ids is not None and not selected_ids.size:
         raise ConfigError(
             what="simulations",
             where="export",
@@ -177,11 +178,11 @@ def _selected_simulations(
             got=f"none of class {overtake_class}" if overtake_class else "none",
             next_step="choose others; overtaking stats counts the classes",
         )
-    return numbers
+    return selected_ids
 
 
 def _check_export_options(file_format: str, options: Mapping[str, Any]) -> None:
-    """Refuse an unknown format, and options that the format lacks."""
+    """Refuse an unknown format, and options that the format does not have."""
     if file_format not in EXPORT_FORMATS:
         raise ConfigError.unknown_choice(
             what="format", where="export", choices=EXPORT_FORMATS, got=file_format
@@ -202,7 +203,7 @@ def _export_facts(
     dataset: Dataset,
     out: Path,
     language: str,
-    numbers: Any,
+    selected_ids: Any,
     progress: ProgressCallback | None,
     *,
     frame_step: int = 10,
@@ -210,9 +211,10 @@ def _export_facts(
 ) -> int:
     """Write simulations as facts.
 
-    A function of its own, so that `check_arguments` checks the options, which `export_dataset`
-    takes as `**options`. `numbers` are the simulations to write, None for all: `Any`, because
-    `check_arguments` does not know the type of arrays. Other arguments as in `export_dataset`.
+    A separate function, so that `check_arguments` checks the options, which `export_dataset` takes
+    as `**options`. `selected_ids` is the result of `_selected_simulations`; its type is `Any`,
+    because `check_arguments` does not know the type of arrays. Other arguments as in
+    `export_dataset`.
     """
     from overtaking.analysis.logic.fact_files import write_facts
 
@@ -220,7 +222,7 @@ def _export_facts(
         dataset,
         out,
         language=language,
-        simulation_ids=numbers,
+        simulation_ids=selected_ids,
         frame_step=frame_step,
         with_law=with_law,
         progress=progress,
@@ -231,22 +233,22 @@ def _export_facts(
 def _export_popper(
     dataset: Dataset,
     out: Path,
-    numbers: Any,
+    selected_ids: Any,
     policy: str | None,
     *,
     about: str = "legal",
 ) -> int:
     """Write the input of the learner Popper: an example for each simulation.
 
-    A function of its own for the same reason as `_export_facts`; arguments as there.
+    A separate function for the same reason as `_export_facts`, with the same arguments.
     """
     from overtaking.analysis.learning.examples import examples_of
     from overtaking.analysis.learning.popper import write_popper
     from overtaking.analysis.learning.targets import target_of
 
     target, examples = target_of(about), examples_of(dataset, policy)
-    if numbers is not None:
-        examples = examples.where(np.isin(examples.simulations, numbers))
+    if selected_ids is not None:
+        examples = examples.where(np.isin(examples.simulations, selected_ids))
     return write_popper(examples, target, out)
 
 
@@ -266,15 +268,15 @@ def import_recording(
     Args:
         file_format: `commonroad` (XML 2018b or 2020a), `exid`, `highd`, `ngsim`, `pinto2023` (the
             paper's table) or `table` (any columns, which the option `columns` describes).
-        path: The file; of exiD and highD, which have three files, the one named `..._tracks.csv`.
+        path: The file; for exiD and highD, which have three files, the file `..._tracks.csv`.
         out: Folder for the data set, on this machine; it must not exist, or be empty.
         strict: Whether any finding is an error, raised before anything is written. (The policy
             `strict`, a set of rules of law, is something else.)
         progress: Called with the number of simulations that are done, and of all.
         on_read: Called with the number of bytes that are done, and of all, before the first
-            simulation is made; `progress` if left out. The file is passed through three times (for
-            its hash, its table and the examination), so "all" is three times its size. The call may
-            come from another thread.
+            simulation is made; None calls `progress` instead. Each byte of the file counts three
+            times: for its hash, its table and the examination. The call may come from another
+            thread.
         options: Each format has some of these; all may be left out, except `columns`.
             `attempts_only=True` omits vehicles that follow another and never move left (not for
             `pinto2023`). `vehicles` is the largest number of vehicles of a simulation, 16 by

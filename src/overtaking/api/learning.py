@@ -1,13 +1,15 @@
-"""Public functions that learn from a data set what decides an overtake: `overtaking.learning`.
+"""Public functions that learn from a data set why overtakes succeed or fail: `overtaking.learning`.
 
-Both learn from the state at the instant when the ego (the vehicle whose overtaking is studied)
-begins an overtake, or could begin one, such as gaps, speeds and weather. Each simulation is one
-example. Examples of the same scenario (the situation at the start) stay together, such as a
-simulation and its repetition with a change. 30 % of the scenarios are held out (not used for
-learning), and all scores are measured on their examples. *Class*: the result of a simulation, such
-as `Success_L` (completed, legal). *Policy*: the set of rules of law that decides between legal and
-illegal; each *profile*, the setting that simulations are drawn from, has a default policy.
-*Factor*: one or several related attributes of the state, such as `sight`.
+Both functions learn from the state (gaps, speeds, weather and so on) at the instant when the ego,
+the vehicle whose overtaking is studied, begins an overtake or could begin one. Each simulation is
+one example. 30 % of the scenarios (situations at the start) are held out: their examples do not
+serve for learning, and all scores are measured on them. All examples of a scenario, such as a
+simulation and its repetition with a change, are on the same side of this split.
+
+*Class*: the result of a simulation, such as `Success_L` (completed, legal). *Policy*: the set of
+rules of law that decides between legal and illegal. *Profile*: the setting that simulations are
+drawn from; it has a default policy. *Factor*: one or several related attributes of the state, such
+as `sight`.
 
 `check_arguments` raises a `ConfigError` for an argument of another type than its annotation.
 """
@@ -46,8 +48,7 @@ def learn_rules(
             `collision` (it ends in a collision), or `start` (true where this is no instant to start
             an overtake: the driver does not start, or the overtake fails).
         policy: `paper`, `default` or `strict`; None for the default of the profile.
-        seed: Seed of the choice of held-out scenarios, and of the black box, which is for
-            comparison.
+        seed: Seed of the choice of held-out scenarios, and of the black box (see Returns).
         max_rules: Largest number of rules, 1 or more.
         max_conditions: Largest number of conditions of a rule, 1 or more.
         progress: Called with the number of rounds of learning that are done, and of all.
@@ -68,7 +69,7 @@ def learn_rules(
     from overtaking.analysis.learning.targets import target_of
 
     require_models()  # Raises MissingExtraError before any work is done.
-    # Errors name the options of the command line, which are clear to users of Python as well.
+    # Errors name the options of the command line, which users of Python understand, too.
     target = target_of(about)
     check_in_range(max_rules, 1, what="--max-rules", where="learn")
     check_in_range(max_conditions, 1, what="--max-conditions", where="learn")
@@ -106,10 +107,10 @@ def learn_factors(
         features: Names of factors or single attributes to use; all factors if empty.
         policy: `paper`, `default` or `strict`; None for the default of the profile.
         seed: Seed of all random choices.
-        repeats: Number of rankings, 1 or more, each from another choice of simulations. They show
-            how much a rank depends on chance.
-        show_leakage: Whether the result also has the accuracy of models that see features known
-            only after the overtake, such as its duration. It is misleadingly high.
+        repeats: Number of rankings, 1 or more, each from another choice of simulations. Several
+            rankings show how much a rank depends on chance.
+        show_leakage: Whether the result also has the misleadingly high accuracy of models that see
+            features known only after the overtake, such as its duration.
         progress: Called with the number of fitted models, and of all models.
 
     Returns:

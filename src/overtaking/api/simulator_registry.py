@@ -40,7 +40,7 @@ Seed = Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
 
 
 Count = Annotated[int, FieldSpec(low=1, high=1_000_000)]
-"""Number of simulations of a comparison, which keeps its results only, not the trajectories.
+"""Number of simulations of a comparison. It keeps their results, not the trajectories.
 
 The limit is a choice.
 """
@@ -68,17 +68,19 @@ _SIMULATOR_MODULES = {
 MODEL_SIMULATORS = ("engine", "reference")
 """The simulators of this package's own model.
 
-Only they can change a simulation in the middle, and let a driver of the user control the ego: their
-modules have a function `run`, which takes changes and actions as well.
+Only they can change a simulation in the middle, or let a driver of the user control the ego (the
+vehicle whose overtaking is studied): their modules have a function `run`, which takes such changes
+and the driver's actions.
 """
 
 
 SERVER_SIMULATORS = ("carla", "carla-traffic-manager")
-"""The simulators that run in a server. Several processes would share it and disturb each other."""
+"""The simulators that run in a server. Several processes would share one server and disturb each
+other."""
 
 
 def get_simulator(name: str) -> Simulator:
-    """The simulator of a name, with its version and the sizes that suit its speed.
+    """The simulator with a name, with its version and the batch sizes that suit its speed.
 
     Args:
         name: A name in `SIMULATORS`.
@@ -94,16 +96,16 @@ def get_simulator(name: str) -> Simulator:
             name=name,
             version=MODEL_VERSION,
             simulate=module.simulate,
-            # Other simulators have one world per process, and so one thread, the default.
+            # The other simulators have one world per process, so they keep the default: one thread.
             threads=os.cpu_count() or 1,
-            # Data sets call it for positions that they did not keep.
+            # Data sets that did not store positions call it to compute them again.
             replay=partial(replay_actions, simulator=name),
         )
     return Simulator(
         name=name,
         version=module.version(),
         simulate=module.simulate,
-        unknown=module.UNKNOWN,  # Quantities that its trajectories lack.
+        unknown=module.UNKNOWN,  # Quantities that its trajectories do not state.
         chunk_size=module.CHUNK_SIZE,  # Simulations in one call of `simulate`.
         shard_size=module.SHARD_SIZE,  # Simulations in one file of a data set.
         shares_world=name in SERVER_SIMULATORS,

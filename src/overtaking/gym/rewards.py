@@ -60,7 +60,7 @@ class StepOutcome:
 
 
 RewardFunction = Callable[[EgoObservation, F64, EgoObservation, StepOutcome], F64]
-"""Observation, actions (env, part), next observation and outcome to rewards, shape (env,)."""
+"""Function of observation, actions (env, part), next observation and outcome; rewards (env,)."""
 
 
 def progress(
@@ -93,8 +93,8 @@ def progress_legal(
     """`progress` minus the cost of breaches of the law, shape (env,) [s].
 
     Rule L3 demands a safe gap to the leader, the vehicle ahead. While the gap is too small, each
-    second costs the missing share of the gap: 0.3 s if 30 % is missing. This guides the agent in
-    every step. All rules together are judged at the end: `BREACH_COST` for one or more breaches.
+    second costs the missing share of the gap: 0.3 s if 30 % is missing. So the agent gets feedback
+    in every step. At the end of the episode, one or more breaches of any rules cost `BREACH_COST`.
 
     Args:
         observation: Observation before the step.
@@ -127,8 +127,8 @@ def overtake_once(
     The result has shape (env,).
 
     The label decides whether the overtake was completed, not the ego's stage. If the ego pulls out
-    twice, the stage describes the second time; the overtake of the label may have begun with the
-    first time, behind another vehicle.
+    twice, the stage describes the second attempt, but the overtake of the label may have begun with
+    the first attempt, behind another vehicle.
 
     Args:
         observation: Observation before the step; not used.
@@ -171,6 +171,6 @@ REWARDS: Final[dict[str, RewardFunction]] = {
 NEED_LABELS: Final[tuple[RewardFunction, ...]] = (progress_legal, overtake_once)
 """Rewards that need environments with `with_labels=True`.
 
-Other environments reject them at once, not at the end of the first episode. A reward of the user is
-not checked: without labels, its `is_judged` is always False.
+Other environments reject them at once, not at the end of the first episode. Rewards of users are
+not checked: without labels, they receive outcomes whose `is_judged` is False.
 """

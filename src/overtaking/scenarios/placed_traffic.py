@@ -1,12 +1,12 @@
 """Draws traffic as the study of Pinto, Dutra and Fonseca (2023) does: each vehicle independently.
 
 A few vehicles get random lanes, stations and speeds in a short *zone* of a road with one direction.
-The *ego* (slot 0), whose overtaking is studied, starts behind a *leader* (slot 1) in its lane; a
-*slot* is the position of a vehicle in the second axis of arrays. `sampler` calls `start_zone` once,
-which checks that the specification fits the road, and `sample_placed_traffic` for each block of
-simulations. The drawn starts may overlap or leave no time to brake. Later
-`safe_start.repair_starts` moves and slows the vehicles; its smallest gap, `starts.min_gap_m`,
-decides how many vehicles fit into a zone.
+A *station* is the distance of a vehicle's centre along the road. The *ego* (slot 0), whose
+overtaking is studied, starts behind a *leader* (slot 1) in its lane; a *slot* is the position of a
+vehicle in the second axis of arrays. `sampler` calls `start_zone` once, which checks that the
+specification fits the road, and `sample_placed_traffic` for each block of simulations. The drawn
+starts may overlap or leave no time to brake. Later `safe_start.repair_starts` moves and slows the
+vehicles; its smallest gap, `starts.min_gap_m`, decides how many vehicles fit into a zone.
 """
 
 import math
@@ -69,7 +69,7 @@ def sample_placed_traffic(
     deadline = np.float32(block.specification.time.attempt_deadline_s)
     return TrafficStart(
         # The study has bicycles at 50 km/h and more, so bicycles have no top speed here and get the
-        # power that their speed takes.
+        # power that their speed requires.
         vehicles=with_able_bicycles(vehicles, drivers.desired_speed),
         drivers=drivers,
         lane=drawn.lane,
@@ -83,7 +83,7 @@ def sample_placed_traffic(
 
 
 def start_zone(spec: Specification, traffic: PlacedTraffic, road: Road) -> StartZone:
-    """Where vehicles may start on a road, after checks of the specification against the road.
+    """The part of a road on which vehicles may start; checks the specification against the road.
 
     Args:
         spec: The specification of the scenarios.
@@ -158,7 +158,7 @@ def draw_placed_starts(
         lanes.append(stream.integer(zone.num_lanes).astype(np.uint8))
         is_leader = slot == LEADER_SLOT
         speeds.append(_start_speed(traffic, stream.uniform(), kind[:, slot], is_leader=is_leader))
-        # For the repair: the share of the space behind it that a vehicle keeps if it is moved back.
+        # For the repair: a vehicle that moves back keeps this share of the space behind it.
         kept_gap_shares.append(scale_to_range(stream.uniform(), 0.0, MAX_KEPT_GAP_SHARE))
     lanes[EGO_SLOT] = lanes[LEADER_SLOT] = ego_lane
     valid = [slot < num_vehicles for slot in slots]
@@ -182,8 +182,8 @@ def _start_range(spec: Specification, traffic: PlacedTraffic, road: Road) -> tup
         key = "spawn_x_m"
         middle = 0.5 * (road.lane_boundaries[0] + road.lane_boundaries[-1])
         _, y = road.to_world(0.5 * road.length, middle)
-        along, _ = road.to_road(np.array(traffic.spawn_x_m), np.full(2, float(y)))
-        stations = (float(along.min()), float(along.max()))
+        ends, _ = road.to_road(np.array(traffic.spawn_x_m), np.full(2, float(y)))
+        stations = (float(ends.min()), float(ends.max()))
     assert stations is not None  # `PlacedTraffic` requires exactly one of the two keys.
     half_length = 0.5 * max_length(traffic)
     first_s, last_s = half_length, road.length - half_length
@@ -204,7 +204,7 @@ def _start_range(spec: Specification, traffic: PlacedTraffic, road: Road) -> tup
 
 
 def _ego_lanes(spec: Specification, traffic: PlacedTraffic, road: Road) -> tuple[int, ...]:
-    """Lanes for the ego, 0 the slowest: never the fastest, which has no lane to overtake in."""
+    """Lanes for the ego, 0 the slowest; not the fastest, which has no faster lane beside it."""
     lanes = traffic.ego_lanes
     if lanes is None:
         lanes = tuple(range(road.num_lanes - 1))
@@ -222,7 +222,7 @@ def _ego_lanes(spec: Specification, traffic: PlacedTraffic, road: Road) -> tuple
 
 
 def _check_speeds(spec: Specification, traffic: PlacedTraffic) -> None:
-    """InfeasibleError if a vehicle class cannot reach the lowest speed of a range.
+    """Raise InfeasibleError if a vehicle class cannot reach the lowest speed of a range.
 
     Bicycles pass, because `with_able_bicycles` gives them any speed.
     """
@@ -263,8 +263,8 @@ def _start_speed(traffic: PlacedTraffic, u: F32, kind: U8, *, is_leader: bool) -
 def _move_out_of_full_lanes(lanes: list[U8], valid: list[Mask], zone: StartZone) -> None:
     """Move each vehicle in a full lane to the next lane with space; changes `lanes`.
 
-    Slots are treated in order. The ego and its leader have the first two slots and keep their lane,
-    because each lane holds at least two vehicles.
+    It goes through the slots in order. The ego and its leader have the first two slots and keep
+    their lane, because each lane has space for at least two vehicles.
 
     Args:
         lanes: For each slot the lanes, shape (simulation,).
@@ -291,7 +291,7 @@ def _put_leader_ahead_of_ego(stations: list[F32], lanes: list[U8], valid: list[M
     """Exchange stations until the leader is the next vehicle ahead of the ego; changes `stations`.
 
     The ego gets the smaller and the leader the larger of their two stations. Each vehicle between
-    them in their lane exchanges its station with the leader, which so comes nearer to the ego.
+    them in their lane exchanges stations with the leader, which thereby comes nearer to the ego.
 
     Args:
         stations: For each slot the stations, shape (simulation,) [m].

@@ -106,9 +106,9 @@ class TrafficStart:
         zone: The part of the road on which they may start.
         deadline: Time at which a simulation ends if the ego has not begun to overtake, shape
             (simulation,) [s].
-        states_at_speed: Function from desired speeds [m/s] to stations and speeds. The weather
-            changes desired speeds, so `sampler` calls it after the weather is drawn, and once more
-            where bends or local limits slow the vehicles.
+        states_at_speed: Function from desired speeds [m/s] to stations and speeds. `sampler` calls
+            it after it has drawn the weather, which changes desired speeds, and once more if bends
+            or local limits slow the vehicles.
         is_oncoming: Vehicles that drive in the other direction, with stations from the far end of
             the road; None on roads with one direction.
     """
@@ -151,7 +151,7 @@ class DrawnStarts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowerLimits:
-    """Properties that limit how near behind another vehicle a vehicle may start.
+    """Properties that decide the smallest gap at which a vehicle may start behind another one.
 
     Attributes:
         length: Length, bumper to bumper [m].
@@ -166,7 +166,7 @@ class FollowerLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoadSpeeds:
-    """Speeds to which bends and local speed limits, here and farther ahead, make drivers slow down.
+    """Speeds to which drivers slow down for bends and local speed limits, here and farther ahead.
 
     Attributes:
         road: A road with bends, slopes or several speed limits, as the simulation uses it.
@@ -276,12 +276,12 @@ def repair_starts(
     Returns:
         Stations and speeds, shape (simulation, vehicle), without meaning where a slot is empty.
     """
-    # Bad starts are repaired, not drawn again: otherwise the number of draws would depend on luck,
-    # and the accepted starts would follow a distribution that no profile states.
+    # Bad starts are repaired, not drawn again: redrawing would make the number of draws random, and
+    # the accepted starts would follow a distribution that no profile states.
     order = np.argsort(np.where(drawn.valid, drawn.s, np.inf), axis=1, kind="stable")
-    no_lane = _NO_LANE + np.arange(order.shape[1], dtype=np.uint8)
+    empty_slot_lanes = _NO_LANE + np.arange(order.shape[1], dtype=np.uint8)
     vehicles = _SortedVehicles(
-        lane=sort_columns(np.where(drawn.valid, drawn.lane, no_lane), order),
+        lane=sort_columns(np.where(drawn.valid, drawn.lane, empty_slot_lanes), order),
         s=sort_columns(drawn.s, order),
         speed=sort_columns(drawn.speed, order),
         kept_gap_share=sort_columns(drawn.kept_gap_share, order),
@@ -310,9 +310,9 @@ def _lane_films(weather: Weather, road: Road) -> F32:
     """
     rate = road_surface.rain_rate(weather.rain)
     min_film = road_surface.min_wet_film(rate, weather.puddles)
-    # Water runs from the fastest lane to the slowest, so the path to a lane begins at the edge
-    # beside the fastest lane. It is computed in float64 and rounded once: another order of rounding
-    # would change the starts of existing seeds.
+    # Water runs from the fastest lane to the slowest, so its path to a lane begins at the edge
+    # beside the fastest lane. The length of this path is computed in float64 and rounded once:
+    # another order of rounding would change the starts of existing seeds.
     path = np.abs(road.lane_boundaries[-1] - road.lane_centres).astype(np.float32)
     texture = np.asarray(constant("weather.film.texture_depth_mm"))
     return road_surface.lane_film(
@@ -372,7 +372,7 @@ class _SortedVehicles:
 def _separate(vehicles: _SortedVehicles, zone: StartZone) -> list[F32]:
     """Move vehicles forward until no gap is too small, then back into the zone; changes `s`.
 
-    All vehicles fit: `placed_traffic.start_zone` checks a short zone, other zones are long enough.
+    All vehicles fit: `placed_traffic.start_zone` checks short zones, and others are long enough.
 
     Returns:
         For each rank the smallest station that leaves space in the zone for all vehicles behind it,
@@ -399,9 +399,9 @@ def _make_collisions_avoidable(vehicles: _SortedVehicles, rear_limits: list[F32]
     From the foremost to the rearmost, because the limits of a follower depend on the final start of
     its leader. A vehicle that is too fast first moves back as far as it may, then slows.
 
-    The leader counts as if it had, from the first moment on, the lowest speed of all vehicles ahead
-    in the lane: this is worse than any braking of the leader down to that speed. A follower at that
-    speed is safe, so no vehicle needs to be slower than the slowest vehicle ahead of it.
+    The calculation assumes that the leader has, from the first moment on, the lowest speed of all
+    vehicles ahead in the lane. This is worse than any braking of the leader down to that speed. A
+    follower at that speed is safe, so no vehicle slows below the slowest vehicle ahead of it.
 
     Args:
         vehicles: The vehicles; their stations and speeds change.
@@ -413,13 +413,13 @@ def _make_collisions_avoidable(vehicles: _SortedVehicles, rear_limits: list[F32]
         contact_s, speed_ahead = _contact_and_speed_ahead(vehicles, follower, lowest_speed)
         reaction_time, decel = vehicles.reaction_time[follower], vehicles.decel[follower]
         closing_speed = maximum(vehicles.speed[follower] - speed_ahead, np.zeros_like(speed_ahead))
-        # The leader may have moved back, so the smallest gap is restored first.
+        # The leader may have moved back, so restore the smallest gap first.
         s = minimum(vehicles.s[follower], contact_s - vehicles.min_gap)
         safe_s = minimum(s, contact_s - _avoiding_gap(closing_speed, reaction_time, decel))
-        # Not negative: the leader, too, stays in front of its rear limit.
+        # Not negative, because the leader stays in front of its own rear limit.
         free_space = s - rear_limits[follower]
-        last_s = rear_limits[follower] + vehicles.kept_gap_share[follower] * free_space
-        s = maximum(safe_s, last_s)
+        min_s = rear_limits[follower] + vehicles.kept_gap_share[follower] * free_space
+        s = maximum(safe_s, min_s)
         vehicles.s[follower] = s
         closing_speed = _avoidable_closing_speed(contact_s - s, reaction_time, decel)
         vehicles.speed[follower] = minimum(vehicles.speed[follower], speed_ahead + closing_speed)
@@ -448,10 +448,10 @@ def _contact_and_speed_ahead(
     # From the front, so that the nearest vehicle in the lane of the follower overwrites the others.
     for leader in reversed(range(follower + 1, len(vehicles.s))):
         is_same_lane = vehicles.lane[leader] == vehicles.lane[follower]
-        touching = (
+        touching_s = (
             vehicles.s[leader] - vehicles.half_length[leader] - vehicles.half_length[follower]
         )
-        contact_s = np.where(is_same_lane, touching, contact_s)
+        contact_s = np.where(is_same_lane, touching_s, contact_s)
         speed = np.where(is_same_lane, lowest_speed[leader], speed)
     return contact_s, speed
 

@@ -103,10 +103,10 @@ class FlowLane(Section):
 
     Attributes:
         density: Density of the lane relative to the other lanes; only ratios matter.
-        types: Weights of the vehicle types in the lane, also for the ego, which is never a
-            two-wheeler. A lane of `FlowTraffic.ego_lanes` needs a type with four wheels.
-        speed_kmh: Mean speed of the traffic in the lane. The vehicles do not start at this speed;
-            it estimates when the ego meets an end of the traffic.
+        types: Weights of the vehicle types in the lane, also for the ego. The ego is never a
+            two-wheeler, so each lane of `FlowTraffic.ego_lanes` needs a type with four wheels.
+        speed_kmh: Mean speed of the traffic in the lane. It does not set the speeds at the start,
+            but serves to estimate when the ego meets an end of the traffic.
         speed_factor: Factor on the desired speeds of `FlowTraffic.free_speed_kmh` in this lane.
     """
 
@@ -126,14 +126,15 @@ class FlowTraffic(Section):
         density_per_km_lane: Range of the density, the mean of all lanes [vehicles per km and lane].
         lanes: Traffic of each lane of the road, the slowest first.
         free_speed_kmh: Mean desired speed on a free road by vehicle type.
-        spacing_sigma: Standard deviation of the logarithm of the spacing between two vehicles, of
-            the part above a minimum for the lane (`motorway_traffic.MIN_SPACING`): 0 is regular.
+        spacing_sigma: Irregularity of the spacing between two vehicles: standard deviation of the
+            logarithm of the part above a minimum for the lane (`motorway_traffic.MIN_SPACING`).
         colours: Weights of the colours.
         ego_lanes: Lanes in which the ego may start, in proportion to their densities; not the
             fastest.
-        sight_m: Distances to which the ego looks back and ahead, not a range; back is at most as
-            far as ahead. If the most vehicles suffice, no end of the traffic comes nearer before
-            the deadline. An end within them at the start is an error (`InfeasibleError`).
+        sight_m: Not a range, but two distances: how far the ego looks back and how far ahead, back
+            at most as far as ahead. No end of the traffic comes within them before the deadline,
+            which is earlier if the largest number of `vehicles` is reached. An end within them at
+            the start is an error (`InfeasibleError`).
     """
 
     mode: Literal["flow"]
@@ -205,8 +206,8 @@ class TwoWayTraffic(Section):
         ahead: Number of vehicles ahead of the ego in its direction.
         behind: Number of vehicles behind it.
         oncoming: Number of vehicles of the other direction. The deadline is earlier if the ego
-            could otherwise see the empty road behind the last of them during an overtake. Vehicles
-            of either direction that would start beyond the ends of the road are left out.
+            could otherwise see the empty road behind the last oncoming vehicle during an overtake.
+            Vehicles of either direction that would start beyond the ends of the road are left out.
         flow_vph: Range of the flow, the mean of both directions [vehicles per hour and direction].
         split: Range of the share of the busier direction in the flow of both, 0.5 or more. Either
             direction may be the busier one.
@@ -280,7 +281,7 @@ class TwoWayTraffic(Section):
                 got=two_wheelers,
             )
         if self.start_s_m[0] <= END_MARGIN:
-            # Vehicles nearer to an end of the road than this are left out; the ego must stay.
+            # Vehicles within `END_MARGIN` of an end of the road are left out; the ego must not be.
             raise specification_error(
                 f"more than {END_MARGIN:g} m from the beginning of the road",
                 f"begin above {END_MARGIN:g}",
