@@ -39,7 +39,7 @@ def printable(part: object, length: int = MAX_MESSAGE_PART) -> str:
     The character � replaces each unprintable character, because terminals obey control characters.
 
     Args:
-        part: A text, or another value, of which the message shows the `repr`.
+        part: A text; the message shows any other value by its `repr`.
         length: Largest number of characters; "..." replaces the end of a longer text.
     """
     text = as_utf8(part) if isinstance(part, str) else repr(part)
@@ -224,7 +224,7 @@ class InfeasibleError(OvertakingError, ValueError):
 
 
 def check_extra(extra: str, *modules: str, what: str, where: str, otherwise: str = "") -> None:
-    """Refuse a call whose extra is not installed. Versions are not checked.
+    """Refuse a call whose extra is not installed; the versions of its packages do not matter.
 
     Args:
         extra: Name of the extra, such as `sql`.

@@ -39,7 +39,7 @@ class PhiloxStream(random_numbers.PhiloxStream):
             seed=self._seed,
             index=self._flat_indices,
             stream=self._flat_streams,
-            draw=block_number,  # Name of the block number in the engine.
+            draw=block_number,  # The engine calls the block number `draw`.
         )
         first, second, third, fourth = (word.reshape(self._shape) for word in words)
         return first, second, third, fourth

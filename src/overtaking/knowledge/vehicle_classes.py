@@ -58,7 +58,7 @@ class VehicleClass:
         governed_speed: Highest speed, by a limiter or by design [m/s].
         peak_decel: Hardest braking on a dry road, positive [m/s^2].
         comfort_decel: Braking that drivers choose in everyday traffic, positive [m/s^2].
-        wind_side_coefficient: Side force over wind pressure and `side_area`.
+        wind_side_coefficient: Side force over the product of wind pressure and `side_area`.
         wind_centre_ratio: Distance of the centre of wind pressure ahead of mid-wheelbase, over the
             wheelbase.
         spray_factor: Spray thrown up from a wet road, relative to a car.

@@ -58,7 +58,7 @@ _NO_MATCH = object()
 can be a valid value."""
 
 _PLAIN_TYPES: dict[Any, tuple[Any, str]] = {
-    int: (SupportsIndex, "a whole number"),  # `_convert` tests it by `whole_number` instead.
+    int: (SupportsIndex, "a whole number"),  # For messages; `_convert` tests with `whole_number`.
     float: (Real, "a number"),
     bool: (bool | np.bool_, "True or False"),
     str: (str, "a text"),

@@ -74,7 +74,7 @@ class _CourseEntry:
         bend: Bends of reduced visibility.
         sight: Pairs of a station and the sight distance along the road from there [m]. The distance
             is linear between the stations, and constant before the first and after the last.
-        sight_against: The same for oncoming drivers, who drive towards smaller stations.
+        sight_against: The same for oncoming drivers; their stations fall as they drive.
     """
 
     solid: tuple[tuple[float, float], ...] = ()

@@ -30,8 +30,8 @@ from overtaking.world.constants import model_constants
 from overtaking.world.driver_parameters import DesiredSpeedFactors, adapted_speed
 from overtaking.world.road_parameters import RoadParameters, allowed_speed, bend_speed
 
-# The next four numbers are choices; `knowledge/data/sampling.toml` has values and reasons, in
-# section [safety].
+# The next four numbers are choices; section [safety] of `knowledge/data/sampling.toml` has values
+# and reasons. `number` reads an entry as a float, `constant` as a float32.
 
 USABLE_SHARE = number("sampling.safety.usable_grip_share")
 """Share of the peak friction that a surprised driver uses [1]."""
@@ -45,8 +45,8 @@ CLEARANCE = number("sampling.safety.clearance")
 MAX_KEPT_GAP_SHARE = number("sampling.safety.max_kept_gap_share")
 """Largest value of `DrawnStarts.kept_gap_share` [1]."""
 
-_NO_LANE = np.uint8(100)
-"""First lane number of empty slots. Each empty slot has a lane of its own, so that it limits no
+_FIRST_EMPTY_LANE = np.uint8(100)
+"""First lane number of empty slots. Each empty slot gets a lane of its own, so that it limits no
 vehicle. Roads have at most 8 lanes and scenarios at most 32 slots, so numbers fit into 8 bits."""
 
 
@@ -78,7 +78,7 @@ class StartZone:
 
     @classmethod
     def whole_road(cls, road: Road, low: float = 0.0) -> Self:
-        """A zone for traffic that fills the road, with all lanes and no limit of their vehicles.
+        """A zone for traffic that fills the road: all lanes, without a limit of vehicles in a lane.
 
         Args:
             road: The road.
@@ -279,7 +279,7 @@ def repair_starts(
     # Bad starts are repaired, not drawn again: redrawing would make the number of draws random, and
     # the accepted starts would follow a distribution that no profile states.
     order = np.argsort(np.where(drawn.valid, drawn.s, np.inf), axis=1, kind="stable")
-    empty_slot_lanes = _NO_LANE + np.arange(order.shape[1], dtype=np.uint8)
+    empty_slot_lanes = _FIRST_EMPTY_LANE + np.arange(order.shape[1], dtype=np.uint8)
     vehicles = _SortedVehicles(
         lane=sort_columns(np.where(drawn.valid, drawn.lane, empty_slot_lanes), order),
         s=sort_columns(drawn.s, order),

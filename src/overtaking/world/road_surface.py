@@ -48,7 +48,7 @@ def rain_rate(rain: F32) -> F32:
     """
     share = np.asarray(rain, np.float32) * PERCENT
     rate = constant("weather.rain.max_rate_mmph") * power(share, constant("weather.rain.exponent"))
-    return np.where(share > 0, rate, ZERO)
+    return np.where(share > 0, rate, ZERO)  # `power` of 0 is not exactly 0.
 
 
 def min_wet_film(rate: F32, puddles: F32) -> F32:
@@ -100,7 +100,7 @@ def film_rain_factor(rate: F32) -> F32:
     texture_factor, slope_factor = _texture_and_slope_factors()
     rain = power(np.asarray(rate, np.float32), constant("weather.film.rate_exponent"))
     film = texture_factor * rain / slope_factor
-    return np.where(rate > 0, film, ZERO)
+    return np.where(rate > 0, film, ZERO)  # `power` of 0 is not exactly 0.
 
 
 @cache

@@ -56,7 +56,8 @@ class SimulationParameters(NamedTuple):
         rain_extinction: Extinction coefficient of rain for an observer at rest [1/m].
         log_contrast_sensitivity_ahead: Logarithm of the glare factor (share of contrast that the
             glare of a low sun leaves) over the smallest contrast that a driver detects, in the
-            direction of travel [1].
+            direction of travel. An object is visible where this plus the logarithm of its contrast
+            is larger than extinction times distance (Koschmieder's law) [1].
         log_contrast_sensitivity_behind: The same for a look into the mirrors [1].
         lamp_threshold: Illuminance at which a driver detects a lamp [lx].
         inverse_lit_range: One over the distance to which a driver sees unlit objects: range of its
