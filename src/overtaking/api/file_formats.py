@@ -94,8 +94,8 @@ def export_dataset(
         options: For `asp` and `prolog`: `frame_step`, the interval between written positions, 1 or
             more frames (recorded instants), 10 by default; and `with_law=True`, which adds the
             facts that only the rules of law read. For `popper`: `about`, the fact to learn:
-            `legal` (the default), `collision`, or `start` (true where this is no instant to start
-            an overtake).
+            `legal` (the default), `collision`, or `start` (true where the driver does not start, or
+            the overtake fails: rules have the form "do not start now if ...").
 
     Returns:
         Number of rows (`pinto2023`), of vehicle states (`commonroad`, `highd`, `openscenario`) or

@@ -224,7 +224,7 @@ class InfeasibleError(OvertakingError, ValueError):
 
 
 def check_extra(extra: str, *modules: str, what: str, where: str, otherwise: str = "") -> None:
-    """Refuse a call whose extra is not installed; the versions of its packages do not matter.
+    """Refuse a call whose extra is not installed; the function does not check versions.
 
     Args:
         extra: Name of the extra, such as `sql`.

@@ -17,8 +17,8 @@ from overtaking.core.arrays import F32, U32, U64, F32Like
 from overtaking.core.errors import ConfigError
 
 
-# In pure Python, the random numbers of a scenario take 6 µs more: 2.7 % of its time in a data set
-# with the traffic of the study pinto-2023.
+# For speed: in pure Python the random numbers of a scenario take 6 µs more, 2.7 % of the time to
+# make a data set with the traffic of the study pinto-2023.
 class PhiloxStream(random_numbers.PhiloxStream):
     """Successive random numbers, with the arguments of `random_numbers.PhiloxStream`."""
 
@@ -66,7 +66,10 @@ def exp(x: F32Like) -> F32:
 
 
 def log(x: F32Like) -> F32:
-    """Natural logarithm; an `x` below 2**-126 (1.2e-38) counts as 2**-126: no infinite result."""
+    """Natural logarithm; an `x` below 2**-126 (1.2e-38) counts as 2**-126.
+
+    So the result is never infinite.
+    """
     values = _float32_copy(x)
     _core.log_in_place(values.reshape(-1))
     return values

@@ -3,8 +3,8 @@
 A process makes a `WorkerProcess` with the name of a module; the child calls the module's `main`
 with a `ParentConnection`. Both ends send any objects that `pickle` can copy. Data sets are
 generated in such processes, and queries, neural networks and clients of CARLA run in them, because
-a child can have limits of its own (such as of memory), and can crash or be killed without its
-parent.
+a child can have limits of its own (such as of memory), and can crash or be killed without harm to
+its parent.
 
 Messages to the worker go through its standard input, messages from it through its standard output.
 Text that the worker prints goes to its standard error, whose end `describe_exit` quotes.

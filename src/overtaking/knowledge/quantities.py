@@ -65,9 +65,10 @@ class Quantity:
         value: The number in `unit`, or nested tuples of such numbers.
         sigma: Standard deviation within the population, in `unit`; None if all members have the
             same value.
-        low: Smallest value of a sample, in `unit`: the `low` of the entry, else `value` minus
-            `SUPPORT_SIGMAS` times `sigma`; for a table, or without `sigma`, `value`.
-        high: Largest value of a sample, in `unit`: likewise, with `high` and plus.
+        low: Smallest value of a sample, in `unit`: the `low` of the entry; without it, `value`
+            minus `SUPPORT_SIGMAS` times `sigma`; without both, and for a table, `value`.
+        high: Largest value of a sample, in `unit`: the `high` of the entry; without it, `value`
+            plus `SUPPORT_SIGMAS` times `sigma`; without both, and for a table, `value`.
         unit: The SI unit, or the unit in the suffix of the entry's name.
         quoted_unit: The unit in the file, which is the unit of its source.
         source: `Source.id`, or "choice".
@@ -368,7 +369,7 @@ def _unit_and_converter(
 ) -> tuple[str, Callable[[Any], float]]:
     """The unit of the parsed numbers, and the function that converts numbers of the entry to it."""
     quoted_unit: str = entry["unit"]
-    # `str`, because the file may state a number; the converter refuses its text with a message.
+    # `str`, because the file may state a number as unit: the converter then raises a clear error.
     convert_to_si = unit_converter(str(quoted_unit), where=where)
     suffix_unit = unit_of_suffix(name)
     if suffix_unit is None:

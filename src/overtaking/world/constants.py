@@ -109,7 +109,7 @@ class ModelConstants:
         abort_duration_share: Duration of the way back of a cancelled lane change, over the usual
             duration of a lane change [1].
         claim_time: Two drivers may signal for the same lane, one from its left and one from its
-            right. The rear one waits if they are less than this time apart along the road [s].
+            right. The driver behind waits if they are less than this time apart along the road [s].
         foresight: Before a lane change, the new follower is judged at its present state and at its
             state after this time [s].
         foresight_accel: Acceleration that the new follower is assumed to have in that time [m/s^2].
@@ -119,8 +119,8 @@ class ModelConstants:
             there is longer [s].
         max_imposed_decel: Hardest braking that a lane change may demand of the new follower
             [m/s^2].
-        abort_imposed_factor: Factor on the braking accepted for the follower; more braking cancels
-            the lane change [1].
+        abort_imposed_factor: Factor on the braking that a driver accepts for the new follower; a
+            driver that would impose more cancels the lane change [1].
         patience_floor: Smallest factor on the gaps and speed gains that a driver demands; the
             factor falls from 1 while the driver waits behind a slower leader [1].
         close_time_gap: A leader within this many desired time gaps is close enough to overtake [1].
@@ -154,7 +154,7 @@ class ModelConstants:
         glance_moving: The same in the first half of a lane change [1].
         glance_stagger: Decisions from the look of one driver to the look of the driver in the next
             slot, so that few drivers look at the same time [1].
-        glance_time: Time in view that one such look adds for a vehicle [s].
+        glance_time: Time in view that each look adds for the vehicles that it shows [s].
         looming_threshold: Growth of the visual angle from which an approach is noticed [rad/s].
         looming_growth: Above the threshold drivers perceive a growing part of the closing speed,
             and all of it from (1 + `looming_growth`) times the threshold [1].

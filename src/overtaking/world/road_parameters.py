@@ -25,7 +25,7 @@ from overtaking.core.arrays import F32, F64, Mask
 from overtaking.core.errors import ConfigError
 from overtaking.core.float32_math import HALF, ONE, ZERO, as_f32, clamp, minimum, sincos
 from overtaking.knowledge.toml_reader import constant
-from overtaking.model.road import MAX_LANES, DrivingSide, Road, RoadMark
+from overtaking.model.road import MAX_LANES, Road, RoadMark
 from overtaking.model.road_course import RoadCourse, SpeedLimitSpan, StationTable
 from overtaking.model.scenario import Scenario
 from overtaking.world import road_surface
@@ -153,7 +153,7 @@ def road_parameters(road: Road) -> RoadParameters:
     Returns:
         Its parameters, in float32.
     """
-    overtaking_sign = np.float32(1.0 if road.driving_side is DrivingSide.RIGHT else -1.0)
+    overtaking_sign = np.float32(road.overtaking_sign)
     borders = overtaking_sign * as_f32(road.lane_boundaries)
     has_oncoming_traffic = has_two_directions(road)
     if has_oncoming_traffic:
