@@ -60,8 +60,9 @@ class SimulationParameters(NamedTuple):
             is larger than extinction times distance (Koschmieder's law) [1].
         log_contrast_sensitivity_behind: The same for a look into the mirrors [1].
         lamp_threshold: Illuminance at which a driver detects a lamp [lx].
-        inverse_lit_range: One over the distance to which a driver sees unlit objects: range of its
-            low beam, or reduced field of vision in a scenario with pushes; 0 if unlimited [1/m].
+        inverse_lit_range: One over the distance to which a driver sees unlit objects: the range of
+            the low beam, or the reduced field of vision in a scenario with pushes; 0 if unlimited
+            [1/m].
         detection_time: Time in which a driver notices a vehicle in plain view [s].
         distance_error: Coefficient of variation of judged distances [1].
         speed_error: Coefficient of variation of judged closing speeds [1].
@@ -81,11 +82,11 @@ class SimulationParameters(NamedTuple):
         film_rain_factor: Factor A of the film by the rain, see `road_surface.film_rain_factor`
             [mm].
         texture_depth: Depth of the road's texture [mm].
-        puddle_threshold: Puddles are where the two waves of `road_surface.puddle_depth_share` add
+        puddle_threshold: A puddle is where the two waves of `road_surface.puddle_depth_share` add
             up to less than this [1].
         puddle_film: Full depth of a puddle above the film [mm].
-        puddle_phase_1: Phase of the first wave, in (0, 1) [1].
-        puddle_phase_2: Phase of the second wave, in (0, 1) [1].
+        puddle_phase_1: Phase of the first wave at s = 0, as a share of its length, in (0, 1) [1].
+        puddle_phase_2: Phase of the second wave, likewise [1].
         max_lateral_accel: Largest lateral acceleration that drivers choose at the friction that
             they assume [m/s^2].
         forced_decision: `ForcedDecision` of the ego; 0 leaves the decision to its driver.
