@@ -146,7 +146,7 @@ def _event_times(dataset: Dataset) -> dict[int, dict[str, float]]:
     """Times of overtake events since the start of each simulation [s].
 
     Returns:
-        Simulation number to event name, such as `attempt`, to time.
+        For each simulation number, the times by event name, such as `attempt`.
     """
     event_times = defaultdict[int, dict[str, float]](dict)
     table = dataset.table("events")
@@ -298,8 +298,8 @@ def import_recording(
         A `RecordingWarning` states the first finding.
 
     Raises:
-        ConfigError: There is no such format, the format lacks an option, or the folder is not
-            empty.
+        ConfigError: There is no such format, the format does not have an option, or the folder is
+            not empty.
         ImportFormatError: The file cannot be used; the message names line and element or column.
             Also for a finding if `strict` is true.
         DatasetError: The folder cannot be written; no files remain.
@@ -377,8 +377,8 @@ def label_recordings(
         most.
 
     Raises:
-        ConfigError: The folder has no recording, the format lacks an option, a value is out of
-            range, or the executor cannot be used.
+        ConfigError: The folder has no recording, the format does not have an option, a value is out
+            of range, or the executor cannot be used.
         ImportFormatError: `strict` is true and there is a finding.
         DatasetError: The folder `out` holds other files or cannot be written; finished parts stay
             for `resume`.
@@ -437,8 +437,8 @@ def trajectories_from_table(
             package, a TOML file, its content, or only its section `columns`, such as
             `{"vehicle": "id", "time": "t [s]", "x": "x [m]"}`.
         road: The road, in the coordinates of the table: a name, an OpenDRIVE file, or a `Road`.
-            None for the road that the map describes; lanes that the map lacks are inferred from the
-            tracks.
+            None for the road that the map describes; lanes that the map does not describe are
+            inferred from the tracks.
         driving_side: Side that traffic keeps to, "right" or "left"; replaces the side that the map
             states.
         speed_limit: Speed limit of the road [m/s], infinite for no limit; replaces the limit that
@@ -466,7 +466,7 @@ def trajectories_from_table(
     from overtaking.recordings.track_table import track_rows_from_table
 
     stated_road = None if road is None else resolve_road(road)
-    # The side comes before the reading, which infers lanes by it; the limit can be set afterwards.
+    # The driving side is set first, because lanes are inferred from it; the limit can be set later.
     mapping = with_driving_side(column_map(columns), driving_side, stated_road)
     track_rows = track_rows_from_table(table, mapping)
     recording = recording_of(track_rows, mapping, "table", road=stated_road)

@@ -3,7 +3,7 @@
 A process makes a `WorkerProcess` with the name of a module; the child calls the module's `main`
 with a `ParentConnection`. Both ends send any objects that `pickle` can copy. Data sets are
 generated in such processes, and queries, neural networks and clients of CARLA run in them, because
-a child can have limits of its own (such as of memory), and can crash or be killed without harm to
+a child can have its own limits, for example of memory, and can crash or be killed without harm to
 its parent.
 
 Messages to the worker go through its standard input, messages from it through its standard output.
@@ -80,7 +80,7 @@ STOP_FRAME = b""
 class ParentConnection:
     """The end of the connection in the worker: it receives messages from the parent and answers.
 
-    The parent is the process that started the worker. If it ends, also if it is killed, the worker
+    The parent is the process that started the worker. When the parent ends or is killed, the worker
     ends at once.
     """
 
@@ -329,7 +329,7 @@ class WorkerProcess:
         atexit.unregister(self.close)
 
     def describe_exit(self) -> str:
-        """Close a worker of which `receive` has returned `WORKER_ENDED`, and describe its end.
+        """Close a worker whose `receive` has returned `WORKER_ENDED`, and describe its end.
 
         Returns:
             "with exit status 3" or "by SIGKILL", then ": " and the last line that the worker

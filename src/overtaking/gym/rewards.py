@@ -3,8 +3,8 @@
 The ego is the vehicle whose overtaking is studied. A reward is a function of the observations
 before and after a step, the action and the outcome of the step; it computes one number for each
 environment of a batch. A step lasts one or several decisions of 50 ms. An action has one or more
-parts, such as acceleration and lane change. The observations have the agent's values before they
-are clipped and normalized.
+parts, such as acceleration and lane change. Rewards see the observations before these are clipped
+and normalized for the agent.
 
 `REWARDS` names the functions; users may pass a function of their own. To add one, write it like
 `progress`, and list it in `REWARDS`, and in `NEED_LABELS` if it reads `is_legal` or `is_completed`.

@@ -230,8 +230,8 @@ class _BatchChecker:
     def check_value(self, field: BatchField, value: Any, path: str) -> Any:
         """Refuse a value of another type, or a number out of its range.
 
-        Of an array that is an argument of a function, only the dtype is checked. No such argument
-        declares a range.
+        For an array that is itself an argument of a function, the method checks only the dtype: no
+        such argument declares a range.
 
         Returns:
             The value. Integers are Python's, and iterables are tuples.

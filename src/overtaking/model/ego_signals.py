@@ -27,7 +27,7 @@ class EgoSignals(Delayed):
     Arrays of neighbours have shape (simulation, neighbour, time) with a `NeighbourRole` as the
     middle index: leader and follower in the ego's lane, in the next lane to the left and in the
     next lane to the right. Where `valid` is false, or `neighbour_slot` is `NO_VEHICLE`, the other
-    values mean nothing; they are finite, so that arithmetic raises no warnings.
+    values are undefined, but finite, so that arithmetic raises no warnings.
 
     Attributes:
         frame_interval_ms: Time between frames [ms].

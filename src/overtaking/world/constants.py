@@ -139,7 +139,8 @@ class ModelConstants:
         sight_range: Distance to which drivers attend to vehicles ahead [m].
         mirror_range: Distance to which drivers attend to vehicles in the mirrors [m].
         unseen_gap: Gap that a driver believes in where it has noticed no vehicle [m].
-        initial_time_in_view: Time for which vehicles in view count as seen at the start [s].
+        initial_time_in_view: Time for which the vehicles that are visible at the start are assumed
+            to have been in view: longer than any detection time [s].
         lamp_decel: Smallest deceleration that a driver assumes of a vehicle with lit stop lamps,
             until looming shows the true one [m/s^2].
         error_fade_time: TTC below which errors of judgement become smaller [s].

@@ -298,7 +298,7 @@ def interpolate_course(row: F32, station: F32) -> F32:
     """
     last = np.float32(len(row) - 1)
     position = clamp(station, ZERO, last)
-    # At the last station, `first` is the one before it: an interval needs two stations.
+    # At the last station, `first` is the station before it: an interval needs two stations.
     first = minimum(road_surface.floor(position), last - ONE)
     low, high = (row[first.astype(np.int64) + k] for k in (0, 1))
     return low + (position - first) * (high - low)
