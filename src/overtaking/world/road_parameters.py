@@ -283,22 +283,22 @@ def allowed_speed(
     return _value_for_direction(constants, road, rows, s, is_oncoming)
 
 
-def interpolate_course(row: F32, station: F32) -> F32:
+def interpolate_course(row: F32, position: F32) -> F32:
     """Interpolate a row of a `CourseTable` linearly; it is constant beyond its ends.
 
     Unlike `np.interp`, which computes in float64, it has the float32 operations of the engine, so
     that both simulators have the same results.
 
     Args:
-        row: The row, shape (station,), at least two stations.
-        station: Positions as multiples of the station spacing, any shape [1].
+        row: The row, shape (station,), at least two columns.
+        position: Positions in the row: stations over the spacing of the columns, any shape [1].
 
     Returns:
-        Values of the shape of `station`, in the unit of the row.
+        Values of the shape of `position`, in the unit of the row.
     """
     last = np.float32(len(row) - 1)
-    position = clamp(station, ZERO, last)
-    # At the last station, `first` is the station before it: an interval needs two stations.
+    position = clamp(position, ZERO, last)
+    # At the last column, `first` is the column before it: an interval needs two columns.
     first = minimum(road_surface.floor(position), last - ONE)
     low, high = (row[first.astype(np.int64) + k] for k in (0, 1))
     return low + (position - first) * (high - low)
@@ -312,8 +312,8 @@ def _value_for_direction(
     is_oncoming: Mask,
 ) -> F32:
     """Interpolate two rows of the course: the first, or the second for oncoming vehicles."""
-    station = np.where(is_oncoming, road.length - s, s) * constants.per_station
-    along, against = (interpolate_course(row, station) for row in rows)
+    position = np.where(is_oncoming, road.length - s, s) * constants.per_station
+    along, against = (interpolate_course(row, position) for row in rows)
     return np.where(is_oncoming, against, along)
 
 
