@@ -278,19 +278,21 @@ def import_recording(
             times: for its hash, its table and the examination. The call may come from another
             thread.
         options: Each format has some of these; all may be left out, except `columns`.
-            `attempts_only=True` omits vehicles that follow another and never move left (not for
-            `pinto2023`). `vehicles` is the largest number of vehicles of a simulation, 16 by
-            default (not for `pinto2023`).
-            `lanelet` is the id of a lanelet (a piece of a lane) on the road to read, for a
-            CommonRoad file with several roads;
-            `direction`, 1 or 2, selects a carriageway of highD.
-            `road` is the road that a table was recorded on: a name, an OpenDRIVE file, or a `Road`.
-            `columns`, required for a `table`, states which column holds which quantity in which
-            unit (a *map*): the name of a map of the package, a TOML file, or its content. `only`
-            maps column names to the value that a row must have; other rows are omitted.
-            `driving_side` ("right", "left") and `speed_limit` [m/s], infinite for no limit, replace
-            values of the file.
-            `smooth=True` smooths the tracks by the method of Thiemann et al. (2008) for NGSIM.
+            All: `speed_limit` [m/s], infinite for no limit, replaces the limit of the file.
+            All but `pinto2023`: `attempts_only=True` omits vehicles that follow another and never
+            move left. `vehicles` is the largest number of vehicles of a simulation, 16 by default.
+            `smooth=True` smooths the tracks as Thiemann et al. (2008) did for NGSIM.
+            All but `pinto2023` and `highd`: `driving_side` ("right", "left") replaces the side of
+            the file.
+            All but `commonroad` and `highd`: `road` is the road of the recording: a name, an
+            OpenDRIVE file, or a `Road`.
+            `exid`, `ngsim`, `table`: `only` maps column names to the value that a row must have;
+            other rows are omitted.
+            `table`: `columns` states which column holds which quantity in which unit (a *map*): the
+            name of a map of the package, a TOML file, or its content.
+            `commonroad`: `lanelet` is the id of a lanelet (a piece of a lane) on the road to read,
+            for a file with several roads.
+            `highd`: `direction`, 1 or 2, selects a carriageway.
 
     Returns:
         The complete data set, with labels (events, verdicts of the law, classes). Its manifest
@@ -351,11 +353,11 @@ def label_recordings(
         out: Folder for the result: tables of labels, among them `simulations`, and
             `recordings.json`. Recordings are numbered from 0 by file name; the number of a
             simulation is 1,000,000 times its recording's number plus its number in the recording.
-            If a recording fails by a programming error in this package, a file `fault-*.txt` has
-            its number in the name and the traceback.
+            If a recording fails by a programming error in this package, a file `fault-*.txt`, with
+            the number of the recording in its name, holds the traceback.
         executor: Where recordings are labelled: `threads` of this process, `processes` of this
             machine, `ray` for a Ray cluster; `auto` takes processes for more than 256 recordings,
-            else threads. The result has the same bytes.
+            else threads. The result has the same bytes in all cases.
         workers: Number of processes, not for `threads` or with `address`; None for one per core.
         address: Only for `ray`. Address `HOST:PORT` of a Ray cluster; None starts one on this
             machine for the duration of the call.
@@ -396,7 +398,8 @@ def label_recordings(
             folder_of(folder, "read"),
             folder_of(out, "label to"),
             _with_road(options),
-            # `auto` depends on the number of shards (groups of recordings), known after listing.
+            # A function, because `auto` depends on the number of shards (groups of recordings),
+            # which is known only after the folder has been listed.
             executor=lambda num_shards: executor_for_shards(
                 executor, num_shards, address=address, workers=workers
             ),
