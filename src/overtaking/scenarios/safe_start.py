@@ -214,8 +214,8 @@ class RoadSpeeds:
         desired_speed = adapted_speed(factors, limit)
         # The callers' speeds already obey `speed_limit`, so only lower limits matter here.
         desired_speed = np.where(limit < self.speed_limit, desired_speed, np.float32(np.inf))
-        in_bend = bend_speed(constants, self.road, self.max_lateral_accel, s, is_oncoming)
-        return minimum(in_bend, desired_speed)
+        max_in_bends = bend_speed(constants, self.road, self.max_lateral_accel, s, is_oncoming)
+        return minimum(max_in_bends, desired_speed)
 
 
 def assumed_start_decel(

@@ -132,9 +132,9 @@ class FlowTraffic(Section):
         ego_lanes: Lanes in which the ego may start, in proportion to their densities; not the
             fastest.
         sight_m: Not a range, but two distances: how far the ego looks back and how far ahead, back
-            at most as far as ahead. No end of the traffic comes within them before the deadline,
-            which is earlier if the largest number of `vehicles` is reached. An end within them at
-            the start is an error (`InfeasibleError`).
+            at most as far as ahead. Before the deadline no end of the traffic comes within these
+            distances of the ego; if the largest number of `vehicles` does not suffice, the deadline
+            is earlier. An end within them at the start is an error (`InfeasibleError`).
     """
 
     mode: Literal["flow"]
