@@ -259,6 +259,21 @@ class ExternallyMovedSimulation:
     def is_ego_wrecked(self, /) -> bool:
         """Whether the ego has collided or left the road."""
 
+    def record(
+        self, /, motion: NDArray[np.float32], ego_stage: float, ego_indicator: float, step: int
+    ) -> None:
+        """Record a frame, if one is due, in which the other simulator drives all vehicles.
+
+        Args:
+            motion: As in `decide`.
+            ego_stage: Code of the ego's `Stage`.
+            ego_indicator: 1 towards the overtaking side, -1 towards the kerb side, 0 off.
+            step: Number of the step; steps last 10 ms.
+
+        Raises:
+            ValueError: The motion has another length.
+        """
+
     def record_contacts(
         self, /, contacts: Sequence[tuple[int, int, float, float, float]], step: int
     ) -> None:
@@ -273,21 +288,6 @@ class ExternallyMovedSimulation:
 
         Raises:
             ValueError: A slot does not exist.
-        """
-
-    def record(
-        self, /, motion: NDArray[np.float32], ego_stage: float, ego_indicator: float, step: int
-    ) -> None:
-        """Record a frame, if one is due, in which the other simulator drives all vehicles.
-
-        Args:
-            motion: As in `decide`.
-            ego_stage: Code of the ego's `Stage`.
-            ego_indicator: 1 towards the overtaking side, -1 towards the kerb side, 0 off.
-            step: Number of the step; steps last 10 ms.
-
-        Raises:
-            ValueError: The motion has another length.
         """
 
     def steer(self, /, wind_trim: NDArray[np.float32]) -> NDArray[np.float32]:
