@@ -1,11 +1,11 @@
-"""Turns round one operator of the engine's step at a time, and shows which test notices.
+"""Flips single operators of the engine's step, and shows which test notices each of them.
 
     python benchmarks/mutations.py            # one build, then half a minute each
 
 The engine is built once with operators that can be flipped (see `flips.py`) and put into a copy of
-the package; `tests/reference/test_engine.py` then runs with each of the flips below. Exits with 1
-if the tests pass with any of them. `flips.py` tries every operator, much faster, but without going
-through the tests.
+the package. `tests/reference/test_engine.py` then runs with each of the mutations below. The exit
+status is 1 if the tests pass with any of them. `flips.py` flips every operator in less time each,
+because it compares recordings with the reference and does not run the tests.
 """
 
 import os
@@ -28,9 +28,9 @@ class Mutation:
     """One flip of the engine.
 
     Attributes:
-        file: Where.
-        marked: The line, with a mark before the operator that is turned round.
-        meaning: What it breaks.
+        file: File below the sources of the engine's crate.
+        marked: The line, with « before the operator that is flipped.
+        meaning: The kind of the operator, and the effect of the flip.
     """
 
     file: str
@@ -40,88 +40,92 @@ class Mutation:
 
 MUTATIONS = (
     Mutation(
-        file="collisions.rs", marked="let hit = near & within & approach«.simd_gt(0.0) & runs;",
-        meaning="comparison: boxes that separate collide, boxes that approach do not",
+        file="collisions.rs",
+        marked="let exists = touches & overlap.is_within_step() & closing_speed«.simd_gt(0.0) "
+        "& is_running;",
+        meaning="comparison: separating vehicles collide, approaching vehicles do not",
     ),
     Mutation(
         file="car_following.rs",
-        marked="let brakes = leader_accel«.simd_lt(-constants.stop_lamp_decel);",
-        meaning="comparison: drivers heed leaders that do not brake, and ignore those that do",
-    ),
-    Mutation(
-        file="vehicle_dynamics.rs", marked="select(z.simd_lt(0.0), size, «-size),",
-        meaning="sign: a tyre pushes to the same side whatever its slip",
+        marked="let stop_lamps_are_on = leader.accel«.simd_lt(-constants.stop_lamp_decel);",
+        meaning="comparison: stop lamps are on while the leader does not brake",
     ),
     Mutation(
         file="vehicle_dynamics.rs",
-        marked="(side + rear_y + state.friction_and_wind.wind_force[i]) * vehicle.inverse_mass "
-        "«- speed * r;",
-        meaning="sign: of the centripetal term of the lateral velocity",
+        marked="force: select(z.simd_lt(0.0), size, «-size),",
+        meaning="sign: a tyre pushes to the same side for slip to the left and to the right",
+    ),
+    Mutation(
+        file="vehicle_dynamics.rs",
+        marked="let vy_rate = side_force * vehicle.inverse_mass «- mid.speed * yaw_rate;",
+        meaning="sign: the centripetal term of the lateral velocity",
     ),
     Mutation(
         file="gap_acceptance.rs",
-        marked="let rear = imposed«.simd_ge(-view.acceptable_imposed_decel);",
-        meaning="comparison: the ego pulls out only before those whom it makes brake hard",
+        marked="let is_free_behind = follower_accel«.simd_ge(-inputs.acceptable_imposed_decel)",
+        meaning="comparison: the ego pulls out only if the new follower must brake too hard",
     ),
     Mutation(
         file="road_conditions.rs",
-        marked="state.friction_and_wind.wind_force[i] = "
-        "select(across«.simd_lt(0.0), -force, force);",
-        meaning="comparison: the wind pushes against itself",
+        marked="let force = select(across«.simd_lt(0.0), -force, force);",
+        meaning="comparison: the wind pushes against its own direction",
     ),
     Mutation(
-        file="car_following.rs", marked="at_most(vehicle.accel * (1.0 «- z * z), 0.0)",
-        meaning="sign: nobody ever forces anybody to brake",
-    ),
-    Mutation(
-        file="lane_change.rs",
-        marked="let to_fast = fast - here + vehicle.politeness * (after - before) "
-        "«- vehicle.keep_right_bias;",
-        meaning="sign: MOBIL's bias draws to the fast side",
+        file="car_following.rs",
+        marked="at_most(vehicle.accel * (1.0 «- z * z), 0.0)",
+        meaning="sign: a lane change never forces a follower to brake",
     ),
     Mutation(
         file="lane_change.rs",
-        marked="room & braking«.simd_ge(-vehicle.safe_decel) & own.simd_ge(-vehicle.safe_decel)",
-        meaning="comparison: only who makes the follower brake hard may change lanes",
+        marked="to_left: to_left «- vehicle.keep_right_bias,",
+        meaning="sign: the keep-right bias of MOBIL draws to the left",
+    ),
+    Mutation(
+        file="lane_change.rs",
+        marked="has_space & rear_accel«.simd_ge(-vehicle.safe_decel) & "
+        "accel.simd_ge(-vehicle.safe_decel)",
+        meaning="comparison: a driver changes lanes only if the follower must brake too hard",
     ),
     Mutation(
         file="neighbour_search.rs",
-        marked="let shows = other.visibly_changes_lane "
-        "& state.lane_choice.lane[j]«.simd_eq(lane);",
-        meaning="comparison: who moves over is seen in every lane but the one that he makes for",
+        marked="body.visibly_changes_lane & state.lane_choice.lane[j]«.simd_eq(lane_strip.lane);",
+        meaning="comparison: a vehicle that changes lanes counts in every lane except its new one",
     ),
     Mutation(
         file="perception.rs",
-        marked="let mut visible = slot.simd_ge(0.0) & effort«.simd_le(1.0) & gap.simd_lt(reach);",
-        meaning="comparison: only what is beyond the limit of sight is seen",
+        marked="neighbour_slot.simd_ge(0.0) & gaze.sight_range_ratio«.simd_le(1.0) & "
+        "gap.simd_lt(range);",
+        meaning="comparison: a driver sees only vehicles beyond the range of sight",
     ),
     Mutation(
         file="recorder.rs",
         marked="to_recorded_integers(y0 + s * sine «+ d * cosine, INTEGERS_PER_UNIT, INT32_LIMIT),",
-        meaning="sign: of the lateral offset in the recorded y",
+        meaning="sign: the lateral position in the recorded y",
     ),
     Mutation(
         file="steering.rs",
-        marked="let wanted = accel «+ constants.velocity_gain * (speed - sideways);",
-        meaning="sign: steering feeds lateral speed back the wrong way",
+        marked="let accel = feedforward «+ constants.velocity_gain * (path.velocity - velocity_d);",
+        meaning="sign: the steering feeds the error of the lateral speed back with the wrong sign",
     ),
-)  # fmt: skip
-"""At least one in every part of the step."""
+)
+"""At least one mutation for each part of the step."""
 
 
 def flip_of(mutation: Mutation, flips: list[Flip]) -> Flip:
-    """The one flip that a mutation is.
+    """The flip at the line of a mutation.
 
     Raises:
-        SystemExit: The place is not there, or not the only one: the engine was changed.
+        SystemExit: The line does not occur exactly once, because the engine was changed.
     """
-    found = [flip for flip in flips if (flip.file, flip.marked) == (mutation.file, mutation.marked)]
-    if len(found) != 1:
+    matches = [
+        flip for flip in flips if (flip.file, flip.marked) == (mutation.file, mutation.marked)
+    ]
+    if len(matches) != 1:
         raise SystemExit(
-            f"{mutation.file}: expected {mutation.marked!r} once, got it {len(found)} times; "
-            "write the mutation anew in benchmarks/mutations.py"
+            f"{mutation.file}: expected {mutation.marked!r} once, got it {len(matches)} times; "
+            "change the mutation in benchmarks/mutations.py to the present line"
         )
-    return found[0]
+    return matches[0]
 
 
 def package_with(library: Path, folder: Path) -> None:

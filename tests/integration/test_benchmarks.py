@@ -121,9 +121,25 @@ def test_the_interval_of_a_rate_with_equal_weights_is_the_exact_one_of_poisson()
 
 
 def test_the_pages_list_what_mutations_break():
-    rows = "[print(f'| `{one.file}` | {one.meaning} |') for one in mutations.MUTATIONS]"
-    done = run("-c", f"import mutations; {rows}")
+    rows = "[print(f'| `{mutation.file}` | {mutation.meaning} |') for mutation in MUTATIONS]"
+    done = run("-c", f"from mutations import MUTATIONS; {rows}")
     page = (BENCHMARKS / "README.md").read_text(encoding="utf-8")
     part = page.partition("## Broken on purpose")[2].partition("\n## ")[0]
     listed = [line for line in part.splitlines() if line.startswith("| `")]
     assert done.stdout.splitlines() == listed != []
+
+
+MISSING_LINES = """
+import flips, mutations
+
+every = flips.flips_of(flips.ROOT / "crates" / "overtaking-core" / "src")
+for mutation in mutations.MUTATIONS:
+    mutations.flip_of(mutation, every)
+for line in flips.EQUIVALENT.keys() - {flip.marked for flip in every}:
+    print(line)
+"""
+
+
+def test_the_engine_has_the_lines_of_the_mutations_and_of_the_equivalent_flips():
+    # Both programs take minutes to find an outdated line, because they first build the engine.
+    assert run("-c", MISSING_LINES).stdout == ""

@@ -145,8 +145,8 @@ class PassingColumns(NamedTuple):
     judges, also if a sensor measures the columns of the neighbours. With a sensor only
     `gap_ahead_of_leader` is zero, because sensors do not measure it. A tall vehicle is a truck or a
     van, over which the driver cannot look. `line_is_solid` covers the next 150 m
-    (`oncoming.line_ahead` in `model.toml`). In `return_urgency` and `abort_state` 0.5 is the code
-    of the lesser of two states.
+    (`oncoming.line_lookahead` in `model.toml`). In `return_urgency` and `abort_state` 0.5 is the
+    code of the lesser of two states.
     """
 
     sight_distance: Annotated[

@@ -172,7 +172,7 @@ class LeaderState(Batch):
 
     Without a leader `encounter.valid` is false and all other fields are undefined.
     `overtaking_time` is the time until the ego is ahead by the distance that the leader covers in a
-    reaction time (`RSS_REACTION_TIME` in `labels.law.numbers`). It assumes that the leader keeps
+    reaction time (`REACTION_TIME` in `labels.law.numbers`). It assumes that the leader keeps
     its speed, and that the ego accelerates by `EgoState.available_accel` all the time. Engines
     accelerate less at higher speed, so the time is a lower bound. It is infinite if the ego cannot
     pass.
