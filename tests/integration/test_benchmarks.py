@@ -135,7 +135,10 @@ import flips, mutations
 every = flips.flips_of(flips.ROOT / "crates" / "overtaking-core" / "src")
 for mutation in mutations.MUTATIONS:
     mutations.flip_of(mutation, every)
-for line in flips.EQUIVALENT.keys() - {flip.marked for flip in every}:
+equivalent = flips.EQUIVALENT.keys() | {
+    line for lines in flips.EQUIVALENT_AT.values() for line in lines
+}
+for line in equivalent - {flip.marked for flip in every}:
     print(line)
 """
 
