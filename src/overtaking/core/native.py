@@ -18,7 +18,7 @@ from overtaking.core.errors import ConfigError
 
 
 # For speed: in pure Python the random numbers of a scenario take 6 µs more, 2.7 % of the time to
-# make a data set with the traffic of the study pinto-2023.
+# make a data set with the profile `pinto2023` (the traffic of the study reproduced here).
 class PhiloxStream(random_numbers.PhiloxStream):
     """Successive random numbers, with the arguments of `random_numbers.PhiloxStream`."""
 

@@ -104,15 +104,15 @@ class _CellProgress:
         self._displayed_line: Any = None  # IPython's handle of the line; None before its display.
 
     def __call__(self, num_completed: int, num_steps: int) -> None:
-        """Update the line, at most once in `_INTERVAL_S`; the last step always updates it if shown.
+        """Update the line, at most once in `_INTERVAL_S`; the last step updates a shown line anyway.
 
         Args:
             num_completed: Number of completed steps.
             num_steps: Number of all steps.
         """
         now = time.monotonic()
-        is_end_of_line = self._displayed_line is not None and num_completed >= num_steps
-        if now < self._next_update and not is_end_of_line:
+        is_last_update = self._displayed_line is not None and num_completed >= num_steps
+        if now < self._next_update and not is_last_update:
             return
         self._next_update = now + _INTERVAL_S
         text = {"text/plain": f"{self._title}: {num_completed} of {num_steps}"}

@@ -310,9 +310,9 @@ def _remaining_memory() -> Iterator[tuple[int, str]]:
         yield _machine_memory(), "of this machine"
     limit = _address_space_limit()
     if limit is not None and (used := _bytes_in_use(_ADDRESS_SPACE)) is not None:
-        # Of the limits, only this one counts the files of modules that the work loads. They take
-        # `WORKING_BYTES`. Libraries and threads that are still missing are left out here:
-        # `check_address_space` counted them at the start of the call.
+        # `WORKING_BYTES` is for the files of modules that the work will load: this limit counts
+        # their addresses, the other limits do not. Libraries and threads that are still missing
+        # are left out here, because `check_address_space` counted them at the start of the call.
         free = max(0, limit - used - WORKING_BYTES)
         yield free, f"that the limit of {_size_text(limit)} leaves (ulimit -v)"
     limit = _soft_limit("RLIMIT_DATA")
@@ -380,9 +380,10 @@ def _missing_threads() -> int:
 def _stack_bytes() -> int:
     """Address space that is counted for the stack of a new thread [bytes].
 
-    A thread of Arrow takes the limit of stacks (`ulimit -s`), a thread of the engine 2 MiB. The
-    result for both is the limit, but at most 16 MiB (chosen). Beyond it Arrow's threads take more;
-    a larger result would refuse calls that succeed, because the engine's threads take so much less.
+    A thread of Arrow takes the limit of stacks (`ulimit -s`), a thread of the engine 2 MiB. Both
+    are counted with one size: the limit, but at most 16 MiB (chosen). Under a higher limit this is
+    too small for Arrow's threads; but counting the full limit also for the engine's small stacks
+    would refuse calls that succeed.
     """
     return min(_soft_limit("RLIMIT_STACK") or _STACK_BYTES, 2 * _STACK_BYTES)
 
@@ -400,7 +401,8 @@ def _memory_of_cgroups(groups: Path, mount: Path) -> Iterator[tuple[int, int]]:
 
     Files that the system caches in memory do not count as use, because it drops them when a process
     needs memory. In a container, the file may name groups of the host, whose folders do not exist
-    inside. Then the group of the container itself is in the folder `mount`, the last parent.
+    inside. The group of the container itself is then the root folder (`mount`, or `mount/memory` in
+    version 1), the last parent that this function reads.
 
     Args:
         groups: File in the format of `/proc/self/cgroup`: lines `number:controllers:path`.
@@ -627,9 +629,9 @@ def ordered_map(
     """Call a function with each item in several threads, and yield the results in order.
 
     Threads suffice, because NumPy and the engine release the interpreter lock while they compute.
-    At most `threads` + 1 items are underway, so that memory does not grow with the number of items.
-    The additional one is for the thread that is ready first, while the caller still waits for the
-    result of the first item.
+    At most `threads` + 1 items are underway, so that memory does not grow with the number of items:
+    one for each thread, and one that waits, so that a thread has work when it finishes while the
+    caller still waits for an earlier result.
 
     Args:
         work: The function. Its result must not depend on earlier items.

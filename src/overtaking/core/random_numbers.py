@@ -43,7 +43,7 @@ class Stream(enum.IntEnum):
     WEATHER = 1
     LAYOUT = 2  # Positions and speeds of the vehicles at the start.
     WIND_AND_WATER = 3  # Wind, and positions of puddles.
-    MATCHED_INSTANT = 4  # Instant of the features of a simulation without an overtake.
+    MATCHED_INSTANT = 4  # Instant at which features describe a simulation without an overtake.
     SIMULATOR = 5  # Seeds for other simulators, such as SUMO.
     PROPOSAL = 6  # In importance sampling: the distribution from which a scenario is drawn.
     EXTERNAL_DRIVER = 7  # For a function of the user that drives the ego, the vehicle under study.

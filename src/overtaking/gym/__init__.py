@@ -53,7 +53,10 @@ __all__ = [
     "progress_legal",
 ]
 
-# `make_env`, not `OvertakingEnv`, so that the environment itself refuses the render mode `human`.
+# `make_env` is a function around `OvertakingEnv`. From the class, Gymnasium would read the list of
+# render modes and, for `human`, which is not in it, open a window of its own; from a function it
+# cannot, so the environment itself refuses `human`. Gymnasium opens no window for vector
+# environments, so those are made from the class.
 for _name in profile_names():
     gymnasium.register(
         f"overtaking/{_name}-v0",
