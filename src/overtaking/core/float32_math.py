@@ -1,10 +1,10 @@
 """Elementary functions in float32 whose results have the same bits on every machine.
 
-The last bits of `numpy.exp` and similar functions depend on the CPU and on the version, so the simulator
-uses the functions of this module. They consist of operations that IEEE 754 rounds in one way only:
-`+ - * /`, comparisons, rounding to integers and shifts of bits. The compiled simulator (the engine)
-has the same functions in `crates/overtaking-core/src/math/elementary.rs`, with the same operations
-in the same order. Change both together.
+The last bits of `numpy.exp` and similar functions depend on the CPU and on the version, so the
+simulator uses the functions of this module. They consist of operations that IEEE 754 rounds in one
+way only: `+ - * /`, comparisons, rounding to integers and shifts of bits. The compiled simulator
+(the engine) has the same functions in `crates/overtaking-core/src/math/elementary.rs`, with the
+same operations in the same order. Change both together.
 
 Arguments are float32 arrays or numbers of any shapes that broadcast; the results are float32 arrays
 of the common shape.

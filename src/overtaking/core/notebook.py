@@ -104,7 +104,7 @@ class _CellProgress:
         self._displayed_line: Any = None  # IPython's handle of the line; None before its display.
 
     def __call__(self, num_completed: int, num_steps: int) -> None:
-        """Update the line, at most once in `_INTERVAL_S`; the last step updates a shown line anyway.
+        """Update the line at most once in `_INTERVAL_S`; the last step always updates a shown line.
 
         Args:
             num_completed: Number of completed steps.

@@ -412,16 +412,17 @@ def _memory_of_cgroups(groups: Path, mount: Path) -> Iterator[tuple[int, int]]:
         lines = groups.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
         for line in lines:
             _, controllers, name = line.split(":", 2)
-            # The limit, and the line of `memory.stat` with the memory that is not a cached file.
+            # The file with the limit, and the line of `memory.stat` with the memory in use that is
+            # not a cached file.
             if not controllers:  # Version 2.
-                root, files = mount, ("memory.max", "anon")
+                root, limit_and_use = mount, ("memory.max", "anon")
             elif "memory" in controllers.split(","):
-                root, files = mount / "memory", ("memory.limit_in_bytes", "total_rss")
+                root, limit_and_use = mount / "memory", ("memory.limit_in_bytes", "total_rss")
             else:
                 continue
             folder = root / name.lstrip("/")
             for group in (folder, *folder.parents):
-                yield from _group_memory(group, *files)
+                yield from _group_memory(group, *limit_and_use)
                 if group == root:
                     break
 

@@ -550,8 +550,8 @@ def _find_ends(episodes: EpisodeBatch, was_over: Mask) -> _EpisodeEnds:
     """
     has_crashed = episodes.has_crashed & ~was_over
     # The stage DONE begins when the ego has returned. The simulation then goes on for
-    # `ModelConstants.after_overtake`, because some rules judge the time after the return. If it
-    # reaches its horizon earlier, the episode counts as terminated, too.
+    # `ModelConstants.after_overtake`, because some rules judge the time after the return. An
+    # episode whose simulation reaches the horizon in this time counts as terminated.
     is_done = ~episodes.is_running & (episodes.stage == Stage.DONE)
     terminated = has_crashed | (is_done & ~was_over)
     truncated = ~episodes.is_running & ~terminated & ~was_over

@@ -236,8 +236,8 @@ class EpisodeBatch:
         scenario_index: Scenario index of each episode, shape (env,).
         num_decisions: Number of decisions since the start of each episode, shape (env,).
         num_step_decisions: Number of decisions in the last step, shape (env,): `action_repeat`, or
-            fewer where the simulation ended within the step. After an accident it goes on for two
-            seconds.
+            fewer where the simulation ended within the step. A simulation goes on for two seconds
+            after an accident.
         num_clipped: Number of actions of each episode that were outside their limits, shape (env,);
             `environments` counts them.
 

@@ -83,7 +83,7 @@ class WeatherPreset:
     """A named weather of CARLA; percentages are settings from 0 to 100, not physical quantities.
 
     The package uses clouds, rain, puddles, wind, fog density and the altitude of the sun. CARLA's
-    cameras use the other numbers, too.
+    cameras use all numbers.
 
     Attributes:
         in_pinto2023: Whether `pinto-2023`, the study that this package reproduces, used it.

@@ -13,7 +13,8 @@ from overtaking.knowledge.toml_reader import read_records
 TERM_GROUPS = {
     "classes": "Classes",  # Results of an overtake, such as `Success_L`: completed and legal.
     "policies": "Policies",  # Sets of traffic rules that a legal overtake must keep.
-    # A feature has one definition in the reproduced paper and a second, matched one.
+    # Features of the reproduced paper (`pinto2023`) have two definitions: `paper` takes means over all
+    # frames in simulations without an attempt to overtake; `matched` takes one instant in all.
     "readings": "Readings of the features",
     "features": "Features",
     "vehicles": "Vehicle classes",

@@ -390,7 +390,7 @@ def _convert_values(item: Any, convert: Callable[[Any], float], where: str) -> V
 def _convert_number(item: Any, convert: Callable[[Any], float], where: str) -> float:
     """Convert a finite number.
 
-    All conversions are factors without an offset, so they are right for a `sigma`, too.
+    All conversions are factors without an offset, so they also hold for a standard deviation.
     """
     # For NaN and infinities the difference is NaN, which differs from 0.
     if isinstance(item, bool) or not isinstance(item, int | float) or item - item != 0:

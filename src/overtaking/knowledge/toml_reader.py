@@ -25,7 +25,7 @@ one entry for each number:
   "..." }`. The rationale of the line explains the source of the line, so it does not hold for an
   item with another source. The lines of labels hold texts or flags.
 - `base = "name"` in a table: the table takes each entry that it does not state itself from the
-  table `name`. If that table has a base, too, it must stand above.
+  table `name`. A table `name` that has a base itself must stand above the table that names it.
 """
 
 import copy

@@ -25,10 +25,11 @@ the present observation.
 
 
 _SPEED_TIME_CONSTANT = 1.0
-"""Acceleration per difference from the answered speed of `speed_lane`, as a time [s].
+"""With the kind `speed_lane`, the acceleration is the answered minus the present speed over this
+time [s].
 
 Within the comfort limits the difference decreases to 37 % in this time. Chosen: with a longer time
-the ego would follow the answer later.
+the ego would reach the answered speed later.
 """
 
 
@@ -46,7 +47,7 @@ Chosen: at lower speeds the wheels turn less than the points require, instead of
 """
 
 
-_, _LANE_PART = ACTION_KINDS["accel_lane"]
+_, _LANE_PART = ACTION_KINDS["accel_lane"]  # Change of lane: 1 to the overtaking side, 0, -1.
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,8 @@ def _track_speed(answer: F64, start: EgoObservation, now: EgoObservation) -> F64
     """Acceleration towards the answered speed, within the comfort limits of the model driver.
 
     Args:
-        answer: Speed [m/s] and change of lane, shape (simulation, part).
+        answer: Speed [m/s] and change of lane (1 to the overtaking side, -1 to the kerb side),
+            shape (simulation, part).
         start: Observation that the answer was given to; not used.
         now: Observation at this decision.
     """

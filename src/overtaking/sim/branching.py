@@ -42,7 +42,8 @@ _REMOVED_S = np.float32(-30_000.0)
 """Station of removed vehicles, far before the start of the road [m]. Chosen.
 
 A removed vehicle keeps its slot, because random numbers are drawn by slot. It also keeps its flag
-`valid`: a change of this flag during a simulation would leave half-written frames.
+`valid` (the slot holds a vehicle): a change of this flag during a simulation would leave
+half-written frames.
 """
 
 
@@ -84,8 +85,9 @@ def branch(
 ) -> Trajectories:
     """Simulate a batch again with interventions.
 
-    The frames before the first intervention are simulated too, because a recording holds only a
-    part of the state. Without any change the trace hash equals the trace hash of the source.
+    The frames before the first intervention are simulated as well, because a recording holds only a
+    part of the state. Without any change the trace hash (of all recorded values) equals the trace
+    hash of the source.
 
     Args:
         source: A batch of scenarios, or a branch, whose interventions then stay in force.
@@ -241,7 +243,7 @@ def apply_intervention(scenario: Scenario, intervention: Intervention) -> Scenar
     _check_vehicle(scenario, intervention)
     slot, drivers = intervention.slot, _with_traits(scenario.drivers, intervention)
     start_speed = _add_to_slot(scenario.start_speed, slot, intervention.speed_change)
-    # The station of an oncoming vehicle decreases as it drives ahead.
+    # `position_change` is positive ahead; the station of an oncoming vehicle decreases ahead.
     direction = np.where(_is_oncoming(scenario)[:, slot], -1.0, 1.0)
     start_s = _add_to_slot(scenario.start_s, slot, direction * intervention.position_change)
     if intervention.remove:

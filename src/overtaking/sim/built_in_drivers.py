@@ -3,7 +3,10 @@
 `stay` and `rules` come with the package. They observe the traffic as the model driver believes it
 to be (`observation="human"`) and choose moves (`action="decision"`): they decide about lane
 changes, and the model driver accelerates, brakes and steers. `model.driver_interface` describes
-the columns that they read. Left is the overtaking side, also in left-hand traffic.
+the columns that they read. Left is the overtaking side, also in left-hand traffic. The target is
+the vehicle that the ego overtakes; new leader and new follower are the vehicles ahead and behind in
+the lane that a lane change would enter. UN R79 is the regulation on steering equipment, with rules
+for automatic lane changes.
 """
 
 import hashlib
@@ -83,8 +86,8 @@ MIN_TIME_BETWEEN_CHANGES = 8.0
 ABORT_STATE_THRESHOLD = 0.5
 """`abort_state` above which the ego aborts [1].
 
-In the state 0.5 the ego is still too fast or too near to fit in behind the target. In the state 1
-it fits in.
+Both states above 0 mean that the ego would not be past the target in time. In the state 0.5 it is
+still too fast or too near to fit in behind the target; in the state 1 it fits in.
 """
 
 

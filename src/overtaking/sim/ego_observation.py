@@ -1,7 +1,8 @@
 """The observations that an external driver of the ego gets at a decision.
 
 `EgoObservation` gives names to the columns of a table from either simulator. `Observation` adds the
-scenarios, from which a driver can draw random numbers that do not depend on the batch.
+scenarios, from which a driver can draw random numbers that do not depend on the batch. The *model
+driver* is the simulator's own driver of the ego, which the external one replaces.
 """
 
 from collections.abc import Callable
@@ -34,9 +35,9 @@ class EgoObservation(ContentEquality):
     also in left-hand traffic.
 
     Attributes:
-        time: Time since the start [s].
+        time: Time since the start of the simulation [s]; in `overtaking.gym`, of the present step.
         is_running: Whether each simulation runs, shape (simulation,). The observations of
-            simulations that have ended are zero.
+            simulations that have ended are zero; in `overtaking.gym` they keep the last values.
         table: All observed values in the order of `model.driver_interface`, which is also the input
             of an ONNX file, shape (simulation, `OBSERVATION_SIZE`).
         vehicle: Parameters of the ego's vehicle and of its model driver, each of shape

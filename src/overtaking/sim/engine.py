@@ -36,7 +36,10 @@ _BELIEF_TYPES = {
     # Fields about the manoeuvre are left out: they have no axis of perceived vehicles.
     if field.dtype and field.axes == Percepts.AXES
 }
-"""Type of each field of `Percepts` about a neighbour. The engine writes flags as bytes."""
+"""Type of each field of `Percepts` about a neighbour. The engine writes flags as bytes.
+
+`Percepts` record the beliefs of the ego's driver about its neighbours at each of its decisions to
+change lanes or to cancel."""
 
 
 def simulate(
@@ -189,6 +192,7 @@ def allocate_outputs(
     outputs["contact_partner"] = array("contact_partner", (num_simulations, num_slots), np.uint8)
     for name in ("contact_time", "contact_impulse", "contact_speed"):
         outputs[name] = array(name, (num_simulations, num_slots), np.int32)
+    # `MAX_PERCEPTS`: largest number of recorded decisions of a simulation.
     percept_shape = (num_simulations, _core.MAX_PERCEPTS)
     outputs |= {
         f"percept_{name}": array(f"percept_{name}", percept_shape, np.uint8)

@@ -252,7 +252,7 @@ class _DrivenBatch:
             # The parts are views, so the measurements are written into the table.
             _, neighbours, passing = split_observation(table)
             neighbours[...] = self._sensors.measure(neighbours, is_running, decision_index)
-            self._sensors.clear_gap_ahead_of_leader(passing)
+            self._sensors.clear_gap_ahead_of_leader(passing)  # No sensor measures this gap.
         return Observation(
             time=decision_index / float(DECISIONS_PER_SECOND),
             decision_index=decision_index,

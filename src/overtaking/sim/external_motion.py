@@ -161,7 +161,7 @@ class ExternallyMovedSimulation:
 
         Args:
             motion: Motion of all vehicles.
-            step: Number of the step, a multiple of `SUBSTEPS`.
+            step: Number of the step, a multiple of the steps between decisions (`SUBSTEPS`).
         """
         table, lights, end_step = self._simulation.decide(np.stack(motion), step)
         requested_accel, wheel_angle, curvature, lateral_speed, is_wreck = table

@@ -24,11 +24,11 @@ class DrivenVehicles(NamedTuple):
     """State of the vehicles, the rows of a table of shape (field, vehicle).
 
     `DrivenVehicles(*table)` gives names to the rows of a table. Rows have shape (vehicle,) and are
-    views: a value that is written to a row is in the table. Positions are in the frame of the
-    ground, velocities and accelerations in the axes of each vehicle, angles anticlockwise.
+    views: a value that is written to a row is in the table. Positions are on a plane ground with a
+    fixed axis `s`, velocities and accelerations in the axes of each vehicle, angles anticlockwise.
 
     Attributes:
-        s, d: Position of the centre along the ground and to its left [m].
+        s, d: Position of the centre along the axis and to its left [m].
         heading: Heading against the axis of `s` [rad].
         vx, vy: Velocity ahead and to the left [m/s].
         yaw_rate: Yaw rate [rad/s].
@@ -70,7 +70,7 @@ class ContactBodies(NamedTuple):
     """Rectangles that may touch: the rows of a table of shape (field, body).
 
     Attributes:
-        s, d: Position of the centre along the ground and to its left [m].
+        s, d: Position of the centre along the axis of the ground and to its left [m].
         heading: Heading against the axis of `s`, anticlockwise [rad].
         vx, vy: Velocity ahead and to the left, in the axes of the body [m/s].
         yaw_rate: Yaw rate, anticlockwise [rad/s].
