@@ -60,12 +60,9 @@ class ArrayLayout(NamedTuple):
 
 
 class _PoolKey(NamedTuple):
-    """An array takes memory from the pool only if the key of the memory equals its own key.
+    """An array takes memory from the pool only if the key of the memory equals its own key."""
 
-    Arrays whose initial values do not matter have the purpose None.
-    """
-
-    purpose: Hashable
+    purpose: Hashable  # As in `reused_bytes`; None if the initial values do not matter.
     num_bytes: int  # Whole huge pages.
 
 
@@ -115,7 +112,7 @@ def _pooled_bytes(size: int, purpose: Hashable) -> NDArray[np.uint8]:
     key = _PoolKey(purpose, num_pages * _HUGE_PAGE_BYTES)
     memory = _take_from_pool(key)
     block = np.frombuffer(memory, np.uint8)
-    begin = -block.ctypes.data % _HUGE_PAGE_BYTES  # The first huge page in the block.
+    begin = -block.ctypes.data % _HUGE_PAGE_BYTES  # Offset of the first huge page in the block.
     # Every view keeps a reference to `block`, so the finaliser runs after the last view is gone. At
     # the exit of Python it must not run: then arrays can still be in use.
     weakref.finalize(block, _return_to_pool, memory, key).atexit = False

@@ -279,8 +279,8 @@ def describe_place(path: Path) -> str:
 def write_new_file(path: Path, text: str) -> None:
     """Write a text to a new file in UTF-8 and force it to the disk.
 
-    It uses no temporary name, unlike `atomic_file`: most callers write into a folder that no other
-    process reads yet, such as one of `atomic_folder`.
+    The file has its final name from the start, because most callers write into a folder that no
+    other process reads yet, such as one of `atomic_folder`.
 
     Args:
         path: The file; its folder exists.

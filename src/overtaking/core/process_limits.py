@@ -42,8 +42,9 @@ CGROUP_QUOTA_FILE = Path("/sys/fs/cgroup/cpu.max")
 together in a period, or "max", and the microseconds of the period.
 
 Linux calls the group of processes of a container a cgroup. Only cgroups of version 2 have this
-file. Version 1 is not read here, unlike in `_memory_of_cgroups`: a process that overlooks this
-limit runs slower, but a process that overlooks a limit of memory is killed."""
+file. The limits of processors of version 1 are not read: a process that overlooks one only runs
+slower. A process that overlooks a limit of memory is killed, so `_memory_of_cgroups` reads both
+versions."""
 
 
 def available_processors() -> int:
@@ -83,8 +84,8 @@ Chosen: with more, calls that would have succeeded are refused; with less, more 
 process."""
 
 _STACK_BYTES = 8 * _MIB
-"""Address space of a thread's stack where `ulimit -s` sets no limit. Chosen: the usual limit. The
-stacks of glibc are smaller then, 2 MiB on x86-64."""
+"""Address space of a thread's stack where `ulimit -s` sets no limit. Chosen: the usual limit, which
+is more than the stacks of glibc take without a limit (2 MiB on x86-64)."""
 
 _NUM_OTHER_THREADS = 9
 """Threads whose number does not depend on the processors: 8 that read files for Arrow, 1 that
@@ -467,7 +468,7 @@ def limit_process(
         return
     # RLIMIT_DATA counts private memory that can be written. RLIMIT_AS would also count addresses
     # that threads reserve and never use.
-    # macOS has no /proc, but does not limit memory either: there the 0 does not matter.
+    # The 0 is for macOS, which has no /proc and does not limit memory.
     memory = (_bytes_in_use(_DATA_AND_STACK) or 0) + memory_mib * _MIB
     limits = {
         resource.RLIMIT_DATA: (memory, memory),

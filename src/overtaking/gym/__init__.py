@@ -21,7 +21,7 @@ stable_baselines  adapter for the library Stable-Baselines3, not imported here
 
 from overtaking.core.errors import MissingExtraError
 
-# Before the imports below, which need gymnasium too and would fail with a less helpful error.
+# Before the imports below: they need gymnasium as well, and their error would be less helpful.
 try:
     import gymnasium
 except ImportError as error:

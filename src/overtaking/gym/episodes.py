@@ -255,7 +255,7 @@ class EpisodeBatch:
         self._supply, self._settings, self._refs = supply, settings, list(refs)
         params = join_parameters(sort_refs(self._refs))
         # Decisions are made at steps 0, SUBSTEPS, 2 SUBSTEPS ... up to the last step. All scenarios
-        # of a specification end at the same time, so later episodes need no more.
+        # of a specification end at the same time, so later episodes have no more decisions.
         max_decisions = int(params.simulation_table[_LAST_STEP].max()) // SUBSTEPS + 1
         # Actions as the engine takes them: integers, in steps of the resolution of each part.
         self._actions = np.zeros((num_envs, max_decisions, len(self._parts)), np.int32)

@@ -91,8 +91,8 @@ class WeatherPreset:
         precipitation_percent: Rain.
         precipitation_deposits_percent: Puddles.
         wind_intensity_percent: Wind.
-        sun_azimuth_deg: Direction of the sun in CARLA's frame, in which y points to the right; -1
-            asks CARLA to keep the sun of the map.
+        sun_azimuth_deg: Direction of the sun from CARLA's x axis towards its y axis, which points
+            to the right of x; -1 asks CARLA to keep the sun of the map.
         sun_altitude_deg: Angle of the sun above the horizon; negative at night.
         fog_density_percent: Fog.
         fog_distance: Distance at which the fog begins [m].

@@ -13,8 +13,8 @@ from overtaking.knowledge.toml_reader import read_records
 TERM_GROUPS = {
     "classes": "Classes",  # Results of an overtake, such as `Success_L`: completed and legal.
     "policies": "Policies",  # Sets of traffic rules that a legal overtake must keep.
-    # Features of the reproduced paper (`pinto2023`) have two definitions: `paper` takes means over all
-    # frames in simulations without an attempt to overtake; `matched` takes one instant in all.
+    # Two definitions of the features of the reproduced paper (profile `pinto2023`). Without an
+    # attempt to overtake, `paper` takes means over all frames, `matched` values at one instant.
     "readings": "Readings of the features",
     "features": "Features",
     "vehicles": "Vehicle classes",

@@ -221,7 +221,7 @@ def constant(path: str) -> np.float32:
     """The value of one quantity, as `number`, rounded to float32.
 
     The simulation step and the labels (events and results of overtakes) are computed in float32, in
-    Python and in Rust. A product of two Python floats would be rounded to float64, unlike in Rust.
+    Python and in Rust. A product of two Python floats would be rounded to float64 and so differ.
 
     Args:
         path: File without suffix and dotted name of the entry, such as "weather.fog.clear_range".

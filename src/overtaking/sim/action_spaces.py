@@ -88,7 +88,7 @@ def _track_points(answer: F64, start: EgoObservation, now: EgoObservation) -> F6
     least squares. The fit is repeated at every decision from the observed position and speed, so
     tracking errors do not add up. The wheel angle contains no part for the bend of the road: in a
     bend the wheels turn only once heading and lateral position have changed against the road.
-    Unlike `_track_speed` this function keeps no comfort limits: the points state the motion.
+    There are no comfort limits as in `_track_speed`, because the points determine the motion.
 
     Args:
         answer: For each point the distance along the road and the distance to the overtaking side
@@ -181,7 +181,7 @@ class ClippedAnswers(NamedTuple):
         values: The answers, shape (simulation, part).
         was_clipped: Whether any part of an answer was outside its limits, shape (simulation,). An
             excess of up to half a resolution does not count, because the later rounding to whole
-            steps would remove it too.
+            steps removes it anyway.
     """
 
     values: F64

@@ -60,7 +60,7 @@ class ScenarioVersion:
         scenario: Weather, drivers and vehicle bodies from this frame on. A difference from the
             `start_s` of the previous version displaces the vehicle by as much, and a difference
             from its `start_speed` changes the speed by as much.
-        decision: Decision forced on every ego.
+        decision: Decision forced on every ego, such as STAY (no overtake); FREE forces none.
         scenario_index: Indices from which all random numbers are drawn from this frame on, shape
             (simulation,); None for the indices of the scenario.
         judgement_errors: New errors of the ego in judging distances and closing speeds, in standard

@@ -70,7 +70,7 @@ class Sensor:
         """Reject values that are not numbers or outside `_UPPER_LIMITS`."""
         for name, (limit, unit) in _UPPER_LIMITS.items():
             value = getattr(self, name)
-            # Written so that NaN is rejected too: all comparisons with it are false.
+            # `not (... <= ...)` also rejects NaN: all comparisons with it are false.
             if not (isinstance(value, int | float) and 0.0 <= value <= limit):
                 raise ConfigError.out_of_range(
                     what=name, where="sensor", low=0, high=f"{limit:g} {unit}".strip(), got=value

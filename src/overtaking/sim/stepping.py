@@ -184,7 +184,7 @@ def _trace_observations(
     stepper = new_stepper(
         step_parameters(scenario), action_kind, observes_truth=observes_truth, simulator=simulator
     )
-    # A stepper of the model driver takes actions too, and ignores them.
+    # `step` needs actions even if the model driver drives; they are then ignored.
     no_action = np.zeros((scenario.num_simulations, MAX_ACTION_PARTS), np.int32)
     tables: list[F32] = []
     observed = stepper.observe_start()
