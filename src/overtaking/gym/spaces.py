@@ -81,8 +81,8 @@ _RANGES: Final = {
     "sight_distance": _SIGHT,
     "expected_closing_speed": _SPEED,
     "gap_ahead_of_leader": _GAP,
-    # Factor on the ego's gap to its leader on two-way roads: 1 behind a car, 2.2 behind a truck,
-    # which hides the road ahead.
+    # Factor on the ego's gaps to the vehicle that it follows or passes on two-way roads: 2.2 for a
+    # truck or van, which hides the road ahead, else 1.
     "tall_vehicle_gap_factor": (0.0, 5.0, 1.0),
     "return_urgency": _ZERO_TO_ONE,
     "abort_state": _ZERO_TO_ONE,

@@ -144,7 +144,7 @@ class ExternallyMovedSimulation:
         """
         constants, inverse_mass = self._params.constants, self._params.vehicles.inverse_mass[:, 0]
         restitution_factor = 1.0 + float(constants.restitution)
-        time = float(np.float32(step) * constants.step)
+        time = float(np.float32(step) * constants.step)  # [s], in float32 as in the engine.
         contact_rows: list[tuple[int, int, float, float, float]] = []
         for contact in contacts:
             if contact.other_slot < 0:
