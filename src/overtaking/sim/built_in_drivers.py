@@ -49,7 +49,7 @@ Also the shortest time in which the gap to a slower new leader may shrink to `MI
 MIN_TIME_GAP = 1.2
 """Smallest time gap to the new leader, and of the new follower to the ego [s]. Chosen.
 
-UN R79 asks for 1 s of the new follower (docs/how-to/evaluate-a-driver.md).
+UN R79 asks that 1 s remains between the ego and the new follower (`time_gap` in `evaluation.toml`).
 """
 
 
