@@ -235,9 +235,9 @@ class EpisodeBatch:
         is_running: Whether each episode goes on, shape (env,).
         scenario_index: Scenario index of each episode, shape (env,).
         num_decisions: Number of decisions since the start of each episode, shape (env,).
-        num_step_decisions: Number of decisions in the last step, shape (env,): `action_repeat`, or
-            fewer where the simulation ended within the step. A simulation goes on for two seconds
-            after an accident.
+        num_step_decisions: Number of decisions in the last step of the environment, shape (env,):
+            `action_repeat`, or fewer where the simulation ended within the step. An accident ends
+            the simulation two seconds later.
         num_clipped: Number of actions of each episode that were outside their limits, shape (env,);
             `environments` counts them.
 
@@ -254,12 +254,14 @@ class EpisodeBatch:
         num_envs = settings.num_envs
         self._supply, self._settings, self._refs = supply, settings, list(refs)
         params = join_parameters(sort_refs(self._refs))
-        # Decisions are made at steps 0, SUBSTEPS, 2 SUBSTEPS ... up to the last step. All scenarios
-        # of a specification end at the same time, so later episodes have no more decisions.
+        # Decisions are made at the engine's steps 0, SUBSTEPS, 2 SUBSTEPS ... up to the last one.
+        # All scenarios of a specification end at the same time, so later episodes have no more
+        # decisions.
         max_decisions = int(params.simulation_table[_LAST_STEP].max()) // SUBSTEPS + 1
         # Actions as the engine takes them: integers, in steps of the resolution of each part.
         self._actions = np.zeros((num_envs, max_decisions, len(self._parts)), np.int32)
-        # The ego's parameters, shape (parameter, env); each had shape (vehicle, env).
+        # The ego's parameters, shape (parameter, env). In `params.vehicles`, each parameter has
+        # shape (vehicle, env).
         self._vehicle = np.array([values[EGO_SLOT] for values in params.vehicles])
         # int64, because most functions of PyTorch do not support uint64.
         self.scenario_index = params.scenario_index.astype(np.int64)

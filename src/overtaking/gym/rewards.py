@@ -38,8 +38,8 @@ class StepOutcome:
     the judgement of the whole simulation after the end: its outcome and its breaches of the law.
 
     Attributes:
-        seconds: Duration of the step [s]; shorter if the simulation ended within it. A step with an
-            accident has its full duration.
+        seconds: Duration of the step [s]; shorter if the simulation ended within it. An accident
+            ends the simulation two seconds later.
         terminated: The ego has had an accident, or its overtake is over.
         truncated: The simulated time has reached its end (the horizon), or the deadline by which
             an overtake has to begin.

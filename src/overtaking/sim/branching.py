@@ -1,7 +1,8 @@
 """Branches: the same simulations with weather, drivers or vehicles changed from a frame on.
 
 A branch draws the same random numbers as its source. So it equals the source up to the first
-change, and each later difference is an effect of the changes.
+change, and each later difference is an effect of the changes. A batch holds simulations that run
+together, a slot is the number of a vehicle in its simulation, a frame is a recorded instant.
 """
 
 import dataclasses
@@ -92,7 +93,7 @@ def branch(
     Args:
         source: A batch of scenarios, or a branch, whose interventions then stay in force.
         frame: First frame that `decision` and `weather` can affect, from 0 to the last frame before
-            the horizon.
+            the horizon, the end of the simulated time.
         decision: Decision forced on every ego.
         weather: Weather of every simulation from this frame on, shape (simulation,) or (1,).
         interventions: Further interventions, each with its own frame.

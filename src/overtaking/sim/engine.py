@@ -1,8 +1,9 @@
 """The compiled engine in Rust: the same model as `sim.reference`, sixteen simulations at a time.
 
-This module allocates the output arrays of a batch, passes all inputs to the engine as flat arrays
-and numbers, and wraps the outputs as `Trajectories`. `StepParameters` and `RoadParameters` describe
-the inputs, `Trajectories` the outputs, with shapes and units.
+This module allocates the output arrays of a batch (simulations that run together), passes all
+inputs to the engine as flat arrays and numbers, and wraps the outputs as `Trajectories`.
+`StepParameters` and `RoadParameters` describe the inputs, `Trajectories` the outputs, with shapes
+and units. A slot is the number of a vehicle in its simulation; a frame is a recorded instant.
 """
 
 import dataclasses

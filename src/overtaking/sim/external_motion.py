@@ -1,8 +1,9 @@
-"""Drivers of the model in one simulation whose vehicles another simulator moves, such as CARLA.
+"""Drivers of the model in vehicles that another simulator, such as CARLA, moves.
 
 The drivers perceive, decide and steer as in a simulation that the engine moves, 20 times a second,
 and the same quantities are recorded. The compiled engine computes them; `sim.reference` has the
-formulas.
+formulas. A tick is one advance of the other simulator, a step the time step of the engine (10 ms),
+a frame a recorded instant, a slot the number of a vehicle in the simulation.
 """
 
 import math
