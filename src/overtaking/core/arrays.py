@@ -38,7 +38,8 @@ F32Like = F32 | np.floating[Any]
 """A float32 array or number."""
 
 MIN_POOLED_BYTES = 1 << 20
-"""Smaller arrays are ordinary NumPy arrays: NumPy and the C library reuse small blocks."""
+"""Smaller arrays are ordinary NumPy arrays: NumPy and the C library reuse small blocks. The number
+is a choice."""
 
 MAX_POOLED_BYTES = 256 << 20
 """Largest amount of unused memory that the pool keeps. Chosen: one large batch and its results."""

@@ -69,7 +69,8 @@ class DriverOutput(NamedTuple):
         requested_accel: Requested acceleration [m/s^2].
         wheel_angle: Angle of the front wheels before `steer` turns them in this tick [rad]. A
             two-wheeler leans instead: the lateral acceleration that its lean balances [m/s^2].
-        curvature: Curvature of the path along the road, positive to the overtaking side [1/m].
+        curvature: Curvature of a path that keeps the vehicle's present lateral position along the
+            road, positive to the overtaking side [1/m].
         lateral_speed: Velocity across the road, towards the overtaking side [m/s].
         is_wreck: Whether the vehicle has collided or left the road.
         lights: Bits of `Lights` in the last recorded frame.

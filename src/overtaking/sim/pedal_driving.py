@@ -1,8 +1,9 @@
 """Vehicles of one simulation that a program drives by pedals and wheel angles, tick by tick.
 
-The headless CARLA server moves its vehicles with this module. The compiled engine computes the
-motion and the contacts; `sim.reference.pedal_driving` and `sim.reference.collisions` give the same
-bits and have the formulas.
+The server that imitates CARLA moves its vehicles with this module. A tick is one advance of the
+server; it has several steps of the compiled engine, which computes the motion and the contacts.
+`sim.reference.pedal_driving` and `sim.reference.collisions` give the same bits and have the
+formulas.
 """
 
 import dataclasses

@@ -178,7 +178,7 @@ class SensorArray:
         """
         measurements = self._measurements
         measurements.append((decision_index, self._measure_now(neighbours, decision_index)))
-        # Afterwards the first entry is the newest of those that are at least as old as the latency.
+        # Drop entries until the first one is the newest that is at least as old as the latency.
         newest_reported = decision_index - self._latency_decisions
         while len(measurements) > 1 and measurements[1][0] <= newest_reported:
             measurements.popleft()
