@@ -95,16 +95,16 @@ def generate_dataset(
             is an error; None for the classes as they come.
         executor: A name in `EXECUTORS`: `threads` of this process, `processes` of this machine,
             `ray` for a Ray cluster; `auto`, the first name and the default, takes processes for a
-            large data set in a folder, else threads.
+            data set in a folder with enough shards to gain by them, else threads.
         address: Only for `ray`. Address `HOST:PORT` of a Ray cluster; None starts one on this
             machine for the duration of the call.
         workers: Number of processes, not for `threads` or with `address`; None for one per core.
             `auto` with a number means `processes`.
         allow_large: Whether the data set may exceed 10 GB or 1,000,000 simulations; the limits are
             choices. Instead of True or False a function may decide: before anything is written, it
-            gets the `Estimate` of size and time, and returns whether to go on. The estimate
-            simulates 64 of them, with slow simulators fewer. It is made only for data sets that are
-            64 times as large or larger.
+            gets the `Estimate` of size and time, and returns whether to go on. The estimate comes
+            from a sample of 64 simulations, with slow simulators fewer. A data set of less than 64
+            such samples is begun without an estimate, which would take a good part of its time.
         progress: Called with the number of simulations that are done, and of all.
         on_candidates: Only with `balance`. Called with the number of candidates that were simulated
             to find the rare classes, and the expected number of candidates; this search precedes

@@ -94,8 +94,8 @@ def export_dataset(
         options: For `asp` and `prolog`: `frame_step`, the interval between written positions, 1 or
             more frames (recorded instants), 10 by default; and `with_law=True`, which adds the
             facts that only the rules of law read. For `popper`: `about`, the fact to learn:
-            `legal` (the default), `collision`, or `start` (true where the driver does not start, or
-            the overtake fails: rules have the form "do not start now if ...").
+            `legal` (the default), `collision`, or `start` (this is a bad instant to start: the
+            driver does not start, or the overtake fails).
 
     Returns:
         Number of rows (`pinto2023`), of vehicle states (`commonroad`, `highd`, `openscenario`) or
@@ -316,10 +316,10 @@ def import_recording(
         check_argument(value, _READER_OPTIONS.get(name, Any), "import_recording", name)
     target = folder_of(out, "import to")
     with report_reading(on_read or progress):
-        read = read_recording(file_format, path, _with_road(options))
+        recording = read_recording(file_format, path, _with_road(options))
     if strict:
-        refuse_findings(read.scenes.import_findings)
-    write_scenes(read, target, file_format, progress)
+        refuse_findings(recording.scenes.import_findings)
+    write_scenes(recording, target, file_format, progress)
     dataset = load_dataset(target)
     warn_about(dataset.import_findings)
     return dataset

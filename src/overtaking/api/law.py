@@ -102,8 +102,8 @@ def load_pack(law: str | Pack) -> Pack:
     module, colon, name = law.partition(":")
     if not (module and colon and name):
         raise _law_error(law, "pt, de, or MODULE:NAME", "another form")
-    # At the end, so that installed modules come first. It stays there, because rules may import
-    # other modules of the folder later.
+    # At the end, so that installed modules come first. The folder stays in the list, because rules
+    # may import other modules of the folder later.
     working_folder = str(Path.cwd())
     if working_folder not in sys.path:
         sys.path.append(working_folder)
@@ -137,7 +137,7 @@ def policies_for(pack: Pack, names: Sequence[str] | None = None) -> tuple[Policy
         ConfigError: The pack has no policy of such a name.
     """
     package_policies = policies_of_package(pack.name) if pack.name in LAWS else ()
-    matching_policies = tuple(
+    matching_policies = tuple(  # `STORED_POLICIES` are policies of the Portuguese law.
         policy for policy in STORED_POLICIES if set(policy.required) <= set(pack.codes)
     )
     duties_of_ego = tuple(rule.code for rule in pack.rules if rule.is_duty_of_ego)

@@ -45,8 +45,8 @@ def learn_rules(
     Args:
         dataset: The data set, or its folder or URL.
         about: The fact to predict: `legal` (the overtake that begins is completed and legal),
-            `collision` (it ends in a collision), or `start` (rules have the form "do not start now
-            if ...", so it is true where the driver does not start, or the overtake fails).
+            `collision` (it ends in a collision), or `start` (this is a bad instant to start: the
+            driver does not start, or the overtake fails; rules read "do not start now if ...").
         policy: `paper`, `default` or `strict`; None for the default of the profile.
         seed: Seed of the choice of held-out scenarios, and of the black box (see Returns).
         max_rules: Largest number of rules, 1 or more.

@@ -44,9 +44,9 @@ def ask(
     Args:
         dataset: The data set, or its folder or URL.
         query: A condition, such as `overtakes(S,ego,P,F), night(S)`: simulations `S` at night,
-            vehicles `P` that the ego overtakes, and frames `F` in which it is back in its lane. The
-            condition must hold within one simulation; a query cannot compare simulations, and
-            cannot read or write files.
+            vehicles `P` that the ego overtakes, and frames `F` in which the ego is back in its
+            lane. The condition must hold within one simulation; a query cannot compare simulations,
+            and cannot read or write files.
         simulation_ids: Numbers of the simulations to query, from 0; None for all.
         overtake_class: Class of the simulations to query, such as `Success_L` (completed and
             legal); None for all.

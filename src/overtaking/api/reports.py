@@ -159,14 +159,15 @@ def write_report(
         reading: Only for data sets. How the features (columns that describe a simulation) are
             measured. `paper`: at the start of the overtake, or, without an overtake, as means over
             the simulation, as in the study that the package reproduces. `matched`: at the start of
-            the overtake, or, without an overtake, at a drawn instant, after a waiting time like
-            those before the overtakes of the profile. None for `paper` with the policy `paper`,
-            else `matched`.
+            the overtake, or, without an overtake, at an instant after a random waiting time. These
+            waiting times behind the vehicle ahead are distributed like the ones before overtakes.
+            None for `paper` with the policy `paper`, else `matched`.
         weighted: Only for data sets. Whether statistics use the weights of the simulations, which
             restore natural shares where rare cases were drawn more often.
         learn: Only for data sets. Whether rules and factors are learned too, which takes minutes.
-        films: Only for evaluations and benchmarks. Number of films of the worst scenes, 0 to 10;
-            None for 10, as an evaluation keeps its ten worst scenes.
+        films: Only for evaluations and benchmarks. Number of films of the worst scenes (collisions
+            first, then near-crashes, then breaches), 0 to 10; None for 10, as an evaluation keeps
+            its ten worst scenes.
         progress: Called with the number of parts or films that are done, and of all. It changes
             no result, so it is accepted for reproductions, too, but never called: their page is
             written in one step.
@@ -452,7 +453,7 @@ def serve_viewer(
         "starlette",
         "uvicorn",
         what="Starlette and uvicorn, which serve the page",
-        where="view",  # Errors of the viewer name the command, which calls this function, too.
+        where="view",  # The command that calls this function; Python gets the same error.
         otherwise="write a page with --export or write_viewer_page",
     )
     from overtaking.show.server.running import serve

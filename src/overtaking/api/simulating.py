@@ -61,7 +61,7 @@ Measured with 400 simulations of the profile `motorway`.
 
 
 MAX_SCENARIOS = 100_000_000
-"""Largest number of scenarios in a batch, a choice: a larger number is a typing error.
+"""Largest number of scenarios in a batch, a choice: a larger number is taken for a typing error.
 
 That many scenarios of the profile `motorway` take 600 GB. Data sets may have more, because they are
 made in parts.
@@ -222,8 +222,8 @@ def label(
 def check_runnable(scenario: Scenario, where: str) -> None:
     """Refuse a scenario that the simulators cannot run, or whose trajectories exceed the memory.
 
-    Scenarios that were sampled fulfil the first condition. Scenarios of imported recordings may
-    have a frame interval that is no multiple of the simulation step (10 ms), or too many vehicles.
+    The simulators can run all sampled scenarios. Scenarios of imported recordings may have a frame
+    interval that is no multiple of the simulation step (10 ms), or too many vehicles.
 
     Args:
         scenario: A batch of scenarios.

@@ -40,7 +40,7 @@ Seed = Annotated[int, FieldSpec(low=0, high=2**64 - 1)]
 
 
 Count = Annotated[int, FieldSpec(low=1, high=1_000_000)]
-"""Number of simulations of a comparison. It keeps their results, not the trajectories.
+"""Number of simulations of a function that keeps only their results, not the trajectories.
 
 The limit is a choice.
 """

@@ -119,11 +119,11 @@ def dataset_statistics(
         dataset: The data set, or its folder or URL.
         policy: `paper`, `default` or `strict`; None for the policy of the profile.
         reading: Definition of the features (the columns that describe a simulation) in simulations
-            without an overtake; in all others, features describe its start. `paper` takes means
-            over the simulation, as in the paper, which is a difference between the classes by
-            itself. `matched` draws an instant, such that the waiting times until it are distributed
-            like the waiting times before overtakes. None for `paper` with the policy `paper`, else
-            `matched`.
+            without an overtake. In simulations with an overtake, features describe its start.
+            `paper` takes means over the simulation, as in the paper; the class without an overtake
+            then differs from the others by the way of measuring alone. `matched` draws an instant,
+            such that the waiting times until it are distributed like the waiting times before
+            overtakes. None for `paper` with the policy `paper`, else `matched`.
         weighted: Whether each simulation counts by its weight, a column of the data set. Weights
             restore natural shares where rare cases were drawn more often.
 

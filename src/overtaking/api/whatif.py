@@ -1,8 +1,8 @@
 """Public functions that change one simulation and simulate it again: `overtaking.whatif`.
 
 The *ego* is the vehicle whose overtaking is studied. A *branch* is a simulation with something
-changed from some time on and the same random numbers; a *twin* is a simulation with one branch of
-it. An *intervention* is one change, such as of a vehicle's speed. A *data set* is a folder of
+changed from some time on and the same random numbers; a *twin* is a pair of a simulation and its
+branch. An *intervention* is one change, such as of a vehicle's speed. A *data set* is a folder of
 tables with many simulations; its *manifest* (`dataset.json`) records how it was made. *Class*: the
 result of a simulation, such as `Success_L` (completed, legal); *policy*: the set of rules of law
 that decides between legal and illegal. *Profile*: the named setting of road and traffic that a data
@@ -40,7 +40,7 @@ else:
 
 
 Futures = Annotated[int, FieldSpec(low=1, high=100_000)]
-"""Number of simulated futures at each instant. Chosen: the largest takes a minute of a core."""
+"""Number of simulated futures at each instant. The limit is a choice: a minute of one core."""
 
 
 @check_arguments

@@ -300,8 +300,8 @@ class Batch(CompactRepr, ContentEquality):
     def nbytes(self) -> int:
         """Size of its arrays and nested batches [bytes].
 
-        Tuples of batches do not count: comparisons of simulators hold such tuples, but the caller,
-        `sample`, asks for the size of drawn scenarios, which hold none.
+        Tuples of batches are left out. The only caller, `sample`, asks for the size of drawn
+        scenarios, which hold no such tuple.
         """
         # "type: ignore" here and below: `Batch` itself is no dataclass, but all subclasses are.
         values = [getattr(self, field.name) for field in dataclasses.fields(self)]  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ repeated. All observed values are float32, also codes and flags, so that they fo
 The model driver continues to perceive and judge the traffic while an external driver drives. "The
 driver" in the descriptions of columns is this model driver, whose beliefs the external driver
 observes; only `requested_accel` and `wanted_side` follow the last action. The target is the vehicle
-that the ego overtakes; the leader is the vehicle ahead in its lane.
+that the ego overtakes; the leader is the vehicle ahead in the ego's lane.
 """
 
 import hashlib
@@ -109,8 +109,9 @@ class NeighbourColumns(NamedTuple):
     The values are those that the model driver believes or that a sensor measures, as the user
     chooses. Where `is_detected` is 0, because there is no vehicle in this role or because it is not
     detected, all columns are zero except the gap, which is 1000 m (`perception.unseen_gap` in
-    `model.toml`). Sides are as seen by the ego, also for oncoming vehicles: 1 is the ego's
-    overtaking side. Stop lamps are at the rear, so oncoming vehicles show none.
+    `model.toml`). `accel` is positive if the neighbour gains speed, in whichever direction it
+    drives. Sides are as seen by the ego, also for oncoming vehicles: 1 is the ego's overtaking
+    side. Stop lamps are at the rear, so oncoming vehicles show none.
     """
 
     is_detected: Annotated[
@@ -142,7 +143,7 @@ class PassingColumns(NamedTuple):
     """Observed columns about a pass in the opposing lane, each of shape (simulation,).
 
     The columns are zero on one-way roads. On two-way roads they are what the model driver knows and
-    judges, also if a sensor measures the columns of the neighbours. With a sensor only
+    judges, also if a sensor measures the columns of the neighbours; in this case
     `gap_ahead_of_leader` is zero, because sensors do not measure it. A tall vehicle is a truck or a
     van, over which the driver cannot look. `line_is_solid` covers the next 150 m
     (`oncoming.line_lookahead` in `model.toml`). In `return_urgency` and `abort_state` 0.5 is the
@@ -298,8 +299,8 @@ class Move(IntEnum):
     """A choice of the ego's driver at a decision. A move that is impossible has no effect."""
 
     KEEP = 0
-    """Stay in the lane, or complete the lane change. An indicator that is on goes off after as long
-    a time as it has been on."""
+    """Stay in the lane, or complete the lane change. If an indicator was on for 2 s before this
+    move, it goes off after 2 s of it, and so for other times: the driver may only hesitate."""
     INDICATE_PULL_OUT = 1
     """Indicate a lane change to the overtaking side."""
     PULL_OUT = 2
@@ -416,9 +417,10 @@ class Actions(Batch):
 
         Each hash has 128 bits, written as 32 hexadecimal digits. Simulations with equal hashes have
         the same kind and the same changes; repetitions of the last action do not count. The zeros
-        after the end of a simulation count as a change. The action axis ends at the longest horizon
-        of the batch, so other simulations can affect a hash only if the horizons differ, unlike in
-        the batches of one specification.
+        after the end of a simulation count as a change, if the action axis continues beyond the
+        end. This axis is as long as the longest horizon of the batch. So a simulation that runs to
+        its horizon has another hash in a batch with a longer horizon. All simulations of one
+        specification have the same horizon.
         """
         hashes: list[str] = []
         num_parts = max(_MIN_HASHED_PARTS, len(self.parts))

@@ -31,7 +31,7 @@ class Outcome(IntEnum):
     """How the ego's overtake ended, whether or not it was legal.
 
     A collision decides the outcome whenever it happens: before an attempt, which it prevents, and
-    after the return, because simulations record 3 s more, which still belong to the overtake.
+    also after the return. Simulations continue for 3 s then, which still belong to the overtake.
     """
 
     NO_ATTEMPT = 0  # The ego did not begin to overtake.
@@ -43,8 +43,8 @@ class Outcome(IntEnum):
 class OutcomeDetail(IntEnum):
     """Reason of the outcome; the comment of each member begins with its possible outcomes.
 
-    If the ego left the lanes or spun, that is the reason, also after the return: the outcome is
-    then not COMPLETED. After a collision it is one of the three reasons of collisions.
+    A collision comes before all other reasons. Next comes leaving the lanes or spinning, also after
+    the return; the outcome is then not COMPLETED.
     """
 
     NONE = 0  # COMPLETED or NO_ATTEMPT, without loss of control.
@@ -57,7 +57,7 @@ class OutcomeDetail(IntEnum):
     COLLISION_BEFORE_ATTEMPT = 5  # COLLISION, whichever vehicle ran into the other.
     RAN_INTO_OTHER = 6  # COLLISION after the start of an attempt, by the ego.
     STRUCK_BY_OTHER = 7  # COLLISION after the start of an attempt, by the other vehicle.
-    DEPARTED = 8  # NOT_COMPLETED or NO_ATTEMPT: the ego left the lanes, without a contact.
+    DEPARTED = 8  # NOT_COMPLETED or NO_ATTEMPT: the ego left the lanes, without a collision.
     SPUN = 9  # NOT_COMPLETED or NO_ATTEMPT: the ego spun, and had not left the lanes before.
 
 
@@ -86,8 +86,8 @@ class OvertakeEvents(Batch):
             (`phases.follow_time_gap`) behind the target; `first` if there is no such frame
             [t_follow].
         attempt: First frame of the movement to the left that begins the overtake. The movement
-            leads over the line, or further to the left within a second than gusts and wandering
-            lead a vehicle of this class (0.45 m for trucks to 1.2 m for bicycles) [t_a].
+            leads over the line, or, within a second, farther to the left than gusts and wandering
+            do about once an hour: 0.45 m for trucks to 1.2 m for bicycles [t_a].
         line_crossed: First frame in which a corner of the ego is over the line on its left [t_x1].
         overlap_begin: First frame in which the ego is alongside the target [t_o1].
         overlap_end: First frame in which the ego is wholly ahead of the target [t_o2].
@@ -110,9 +110,9 @@ class OvertakeEvents(Batch):
         was_struck: Whether that vehicle ran into the ego; False if the ego ran into it, and without
             a collision.
         drift: First frame of the first drift. A drift is a movement to the left that is no attempt
-            although a corner comes over the line, or although it lasts 0.5 s and leads 0.5 m away.
-            Gusts cause drifts, and so does the end of a change into the lane. Aborted attempts and
-            lane changes without a vehicle ahead are no drifts.
+            and is yet large: a corner comes over the line, or the movement lasts at least 0.5 s and
+            leads at least 0.5 m to the left. Gusts cause drifts, and so does the end of a change
+            into the lane. Aborted attempts and lane changes without a vehicle ahead are no drifts.
         num_drifts: Number of drifts; 255 stands for 255 or more, the largest uint8.
         began_before_recording: Frame `first` if the attempt was under way when the recording began,
             a frame number like all events. The true attempt was then earlier than `attempt`, so

@@ -39,7 +39,7 @@ from overtaking.model.vehicles import EGO_SLOT, DriverTraits, VehicleSpecs
 from overtaking.model.weather import LateralPushes, Weather
 
 SLOT_CAPACITIES = (8, 16, 32)
-"""Numbers of vehicle slots that the compiled engine exists for.
+"""Numbers of vehicle slots for which the engine is compiled.
 
 A batch may have any number up to the last; the engine adds empty slots up to the next of these.
 """
@@ -79,8 +79,8 @@ class Scenario(IdentityBatch):
             a simulation, shape (simulation,).
         horizon: Longest duration, shape (simulation,) [s].
         attempt_deadline: From this time on a simulation also ends in the first step in which the
-            ego is not overtaking and not about to: it never began, or it gave up. Shape
-            (simulation,) [s]. No effect if it lies beyond the horizon.
+            ego neither overtakes nor is about to overtake, because it never began or has given up.
+            Shape (simulation,) [s]. No effect if it lies beyond the horizon.
         weight: Natural probability of the scenario over the probability with which it was drawn,
             shape (simulation,); 1 unless the profile oversamples rare events.
         vehicles: Bodies of the vehicles, shape (simulation, vehicle).
@@ -92,9 +92,9 @@ class Scenario(IdentityBatch):
             lane; on a two-way road `road.num_lanes` is the opposing lane.
         start_speed: Speed at the first frame, not negative, also for oncoming vehicles, shape
             (simulation, vehicle) [m/s].
-        pushes: How weather acts in all simulations. With `LateralPushes` it pushes vehicles
-            sideways and shortens sight, on a dry road and without any physical effect; None for the
-            physical effects.
+        pushes: None if weather acts physically, by friction, forces and sight. With `LateralPushes`
+            it only pushes vehicles sideways and shortens sight, and the road stays dry, as in the
+            reproduced study (`pinto2023`).
     """
 
     profile: str
@@ -106,7 +106,7 @@ class Scenario(IdentityBatch):
     attempt_deadline: Annotated[
         F32,
         FieldSpec(
-            # In short for the table; after an attempt that was given up, it ends here, too.
+            # Short for the table: a simulation also ends here if its attempt was given up before.
             "A simulation without an attempt ends here",
             "s",
             0.0,

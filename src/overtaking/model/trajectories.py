@@ -83,8 +83,8 @@ LANE_CHANGE_SPEED = 0.15
 
 The search for overtakes in recordings uses it, and so does the derivation of `Stage` for egos that
 the traffic simulator SUMO moves. A slow lane change peaks at 0.66 m/s, and vehicles that keep their
-lane move more slowly than 0.15 m/s. Labels read the same number from `event_detection.toml`
-(`least_speed`), as float32, in which 0.15 is another number; a test compares the two."""
+lane move more slowly than 0.15 m/s. Labels read this limit from `event_detection.toml`
+(`least_speed`), rounded to float32; a test compares the two."""
 
 POSITION_RESOLUTION = 1e-3  # [m]
 SPEED_RESOLUTION = 1e-3  # [m/s]
@@ -93,7 +93,7 @@ ACCEL_RESOLUTION = 1e-3  # [m/s^2]
 
 _MAX_POSITION_STEPS = 2.0e9
 """Positions are clipped to this many millimetres, 2,000 km, as in the engines. No valid road is
-so long. The largest int32, 2**31 - 1, is no float32: it would be rounded up and overflow."""
+so long. The largest int32, 2**31 - 1, is no limit: as a float32 it is rounded up and overflows."""
 
 
 class Stage(IntEnum):
@@ -218,7 +218,7 @@ STATE_RESOLUTION = {
 NOISY_STATES = frozenset({"accel_lon", "accel_lat", "yaw_rate"})
 """Fields of `States` that readers of recordings compute as derivatives of measured positions and
 headings. Noise may exceed the range of their int16 (33 m/s^2, 3.3 rad/s), although no vehicle
-reaches it. Such values are clipped; out of range in another field, the recording is refused."""
+reaches it. Such values are clipped. A value out of range in another field is an error."""
 
 
 def largest_state(name: str) -> float:

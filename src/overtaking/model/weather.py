@@ -163,7 +163,7 @@ def can_sun_dazzle(altitude: F32, cloudiness: F32) -> Mask:
 def is_dazzling(altitude: F32, azimuth: F32, cloudiness: F32) -> Mask:
     """Whether a low sun stands ahead, within 25 degrees (a choice): the field `Weather.low_sun`.
 
-    The study calls this "horizon line".
+    The study (`pinto-2023`) calls such a sun "horizon line".
 
     Args:
         altitude: Height of the sun above the horizon, any shape [rad].
@@ -203,8 +203,8 @@ def _without_rain(weather: Weather) -> Weather:
     zero = np.zeros_like(weather.rain)
     is_rainy = weather.rain > 0
     clouds = np.where(is_rainy, zero, weather.cloudiness)
-    # Elsewhere the flag stays as stated: a recording with a stated flag has an assumed position of
-    # the sun, from which the flag need not follow.
+    # Where it does not rain, the flag stays as it is. In a recording that states the flag, the
+    # position of the sun is assumed, so the flag need not follow from the position.
     dazzles = ~weather.night & is_dazzling(weather.sun_altitude, weather.sun_azimuth, clouds)
     low_sun = np.where(is_rainy, dazzles, weather.low_sun)
     return weather.replace(rain=zero, puddles=zero, cloudiness=clouds, low_sun=low_sun)
