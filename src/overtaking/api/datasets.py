@@ -218,7 +218,7 @@ def resume_dataset(
         out=out,
         keep=identity.keep,
         resume=True,
-        road=identity.road,  # It is long enough, so `generate_dataset` extends it by nothing.
+        road=identity.road,  # The interrupted call has extended it, so it is long enough.
         simulator=identity.simulator,
         shard_size=identity.shard_size,
         balance=identity.balance,

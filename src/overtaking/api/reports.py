@@ -168,9 +168,8 @@ def write_report(
         films: Only for evaluations and benchmarks. Number of films of the worst scenes (collisions
             first, then near-crashes, then breaches), 0 to 10; None for 10, as an evaluation keeps
             its ten worst scenes.
-        progress: Called with the number of parts or films that are done, and of all. It changes
-            no result, so it is accepted for reproductions, too, but never called: their page is
-            written in one step.
+        progress: Called with the number of parts or films that are done, and of all. For a
+            reproduction it is accepted, but never called: its page is written in one step.
 
     Returns:
         A `Written` (`Report` and `Evaluated` are kinds of it), or a list of them for a benchmark:

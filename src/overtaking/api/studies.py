@@ -77,7 +77,7 @@ def compare_simulators(
 
     Returns:
         For each scenario the class and outcome on each simulator, and where and when the motion
-        first differs by more than 2 m from the first simulator.
+        first differs by more than 2 m (about the width of a car) from the first simulator.
 
     Raises:
         ConfigError: The specification or a number cannot be used, there is no such simulator, or a
@@ -206,7 +206,7 @@ def reproduce_study(
 
     Args:
         study: `pinto2023`, the only study so far; it is also the name of the profile.
-        num_replicates: Number of sets of 276 simulations, 1 to 1,000,000.
+        num_replicates: Number of sets of 276 simulations, 1 to 100,000.
         seed: Seed of all random numbers. Seeds of the simulations to which the drivers of the
             profile were fitted are refused: with them the agreement would be too good.
         overrides: New values of keys of the specification. The result then states that its
@@ -215,9 +215,9 @@ def reproduce_study(
 
     Returns:
         For each number of the paper its position among the replicates, and whether the profile was
-        fitted to it; also the composition of classes of the paper, such as legal overtakes by day
-        and by night.
-        `write_report` makes a page of it.
+        fitted to it; also the weather that the paper's means imply for each class, and the shares
+        of the classes with other starts and other pushes by weather. `write_report` makes a page of
+        it.
 
     Raises:
         ConfigError: There is no such study, or a number or seed cannot be used.

@@ -202,7 +202,8 @@ def resimulate_branch(dataset: Dataset | str | Path, simulation_id: int) -> Traj
         The branch, a batch of one simulation.
 
     Raises:
-        DatasetError: It is no such data set, or the version of the model has changed.
+        DatasetError: `save_branches` did not write the data set, or the version of the model has
+            changed.
         NoSuchSimulationError: There is no such simulation.
     """
     from overtaking.data.branches import branch_again

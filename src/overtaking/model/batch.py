@@ -385,8 +385,8 @@ class IdentityBatch(Batch):
     """A batch that equals only itself: `==` is `is`, and `equals` compares the content.
 
     `cached_per_batch` keeps results in a dictionary whose keys are batches, so they need a hash.
-    Other batches are not hashable, because `==` compares their arrays. Subclasses get the two
-    methods below in the same way as the methods of `Batch`.
+    Other batches are not hashable, because `==` compares their arrays. The two methods below are
+    copied into subclasses, as `Batch` explains.
     """
 
     __slots__ = ()

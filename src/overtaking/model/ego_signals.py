@@ -32,9 +32,10 @@ class EgoSignals(Delayed):
     Attributes:
         frame_interval_ms: Time between frames [ms].
         valid: Whether the frame was recorded; false after the end of a simulation.
-        lane: Index of the lane that contains the ego's centre: 0 for the slowest. Beyond the edge
-            on the overtaking side, where a two-way road has the opposing lane, it is the number of
-            driving lanes; beyond the edge on the kerb side it is 255 (-1 as a uint8).
+        lane: Index of the lane that contains the ego's centre: 0 for the slowest. On a two-way road
+            the opposing lane has the number of driving lanes as its index. Beyond the last lane on
+            the overtaking side the index is one higher than the index of that lane; beyond the edge
+            on the kerb side it is 255 (-1 as a uint8).
         s: Position of the ego's centre along the road [m].
         lateral_position: Position of the ego's centre across the road, 0 on the reference line of
             the road and growing to the left [m].
@@ -51,7 +52,7 @@ class EgoSignals(Delayed):
         lateral_gap: Gap across the road between the sides of ego and neighbour, negative where they
             overlap, same shape [m].
         left_occupancy: Share of the lane to the left that vehicles cover, from 100 m behind the
-            ego's centre to 100 m ahead of it; 0 without such a lane [1].
+            ego's centre to 100 m ahead of it (a choice); 0 without such a lane [1].
         left_count: Number of vehicles in the lane to the left, at any distance as in the definition
             of the reproduced paper (`PaperFeatures`); 0 without such a lane.
         friction: Largest friction coefficient between the ego's tyres and the road, at its speed

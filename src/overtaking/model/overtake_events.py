@@ -86,8 +86,8 @@ class OvertakeEvents(Batch):
             (`phases.follow_time_gap`) behind the target; `first` if there is no such frame
             [t_follow].
         attempt: First frame of the movement to the left that begins the overtake. The movement
-            leads over the line, or, within a second, farther to the left than gusts and wandering
-            do about once an hour: 0.45 m for trucks to 1.2 m for bicycles [t_a].
+            leads over the line, or within a second as far to the left as gusts and wandering move
+            such a vehicle at most once an hour: 0.45 m for trucks to 1.2 m for bicycles [t_a].
         line_crossed: First frame in which a corner of the ego is over the line on its left [t_x1].
         overlap_begin: First frame in which the ego is alongside the target [t_o1].
         overlap_end: First frame in which the ego is wholly ahead of the target [t_o2].
@@ -100,15 +100,16 @@ class OvertakeEvents(Batch):
             of its lateral position at `attempt`; chosen: half the shift that counts as a movement.
         collision: First frame in which the ego has touched another vehicle. The contact lies at
             this frame, or between it and the frame before.
-        road_departure: First frame with the ego's centre outside the driving lanes.
+        road_departure: First frame with the ego's centre beyond all lanes; the opposing lane of a
+            two-way road is one of them.
         spin: First frame in which the ego is turned away from the road by more than 0.8 rad
             (`departure.spin_angle` in `model.toml`), from which no driver recovers control.
         num_attempts: Number of attempts.
         num_passed: Number of vehicles that were ahead of the ego at `attempt` and are behind it at
             `return_end`, or at `last` without a return; includes the target if the ego passed it.
         collision_slot: Slot of the vehicle that the ego collided with, or `NO_VEHICLE`.
-        was_struck: Whether that vehicle ran into the ego; False if the ego ran into it, and without
-            a collision.
+        was_struck: Whether that vehicle ran into the ego; False if the ego ran into that vehicle,
+            or without a collision.
         drift: First frame of the first drift. A drift is a movement to the left that is no attempt
             and is yet large: a corner comes over the line, or the movement lasts at least 0.5 s and
             leads at least 0.5 m to the left. Gusts cause drifts, and so does the end of a change

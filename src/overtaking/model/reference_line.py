@@ -176,8 +176,8 @@ class ReferenceLine(ContentEquality):
         """
         parts = [part for segment in segments for part in _split_by_turn(segment)]
         lengths = [part.length for part in parts]
-        # NumPy adds the terms of `sum` in pairs, an order that is fixed, too. `length` can differ
-        # from the end of the last segment by rounding; another order would change recorded lengths.
+        # `np.cumsum` adds in order, `np.sum` in pairs, so `length` can differ by rounding from the
+        # end of the last segment. Both orders are fixed; another would change recorded lengths.
         return cls(
             segment_start=np.cumsum([0.0, *lengths[:-1]]),
             x=np.array([part.x for part in parts]),

@@ -538,20 +538,20 @@ class Road:
         stations = [span.stop for span in spans]
         stations += [s for s, _ in (*course.sight, *course.sight_against, *course.grade)]
         if stations and max(stations) > self.length:
-            length = f"at most {self.length:g} m, the length of the road"
-            raise self._error("course", length, f"{max(stations):g} m")
+            expected = f"at most {self.length:g} m, the length of the road"
+            raise self._error("course", expected, f"{max(stations):g} m")
         # A span is by definition a stretch with a lower limit, so an equal limit is an error, too.
         limits = [span.speed for span in course.speed_limit_spans]
         if limits and max(limits) >= self.speed_limit:
-            lower = f"below {self.speed_limit:g} m/s, the limit of the road"
-            raise self._error("speed_limit_spans", lower, f"{max(limits):g} m/s")
+            expected = f"below {self.speed_limit:g} m/s, the limit of the road"
+            raise self._error("speed_limit_spans", expected, f"{max(limits):g} m/s")
         directed_spans = (*course.speed_limit_spans, *course.zones)
         is_for_oncoming = bool(course.centre_line_spans or course.sight_against) or any(
             span.direction < 0 for span in directed_spans
         )
         if is_for_oncoming and not self.is_two_way:
-            lane = "oncoming traffic: a driving lane with direction -1 on the overtaking side"
-            raise self._error("course", lane, "lines or sight for it, and no such lane")
+            expected = "oncoming traffic: a driving lane with direction -1 on the overtaking side"
+            raise self._error("course", expected, "lines or sight for it, and no such lane")
         if course.segments:
             self._check_reference_line(course.segments)
 

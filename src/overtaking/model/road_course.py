@@ -12,8 +12,8 @@ Terms:
     mark: the border between two lanes, such as a painted line or a kerb.
 
 `FieldSpec` declares the unit and the range of a field. `check_batch` raises a `ConfigError` if a
-field of a dataclass has another type or is out of its range. It takes any dataclass; most are
-batches, which hold many simulations.
+field of a dataclass has another type or is out of its range. It is named after batches, dataclasses
+that hold many simulations, and takes any dataclass.
 """
 
 import dataclasses

@@ -95,9 +95,9 @@ class PassingSafety(Batch):
     """Measures against the nearest oncoming vehicle; arrays have shape (simulation,).
 
     The ego is in the opposing lane while one of its corners is beyond the centre line.
-    `was_in_opposing_lane` is false on one-way roads and for egos that never went there; all other
-    fields are then undefined. Gaps and times to meet are NaN where no vehicle came. A time to meet
-    is the gap over the sum of both speeds; it is 0 once the two are beside each other.
+    `was_in_opposing_lane` is false on one-way roads and for egos that never entered that lane; all
+    other fields are then undefined. Gaps and times to meet are NaN where no vehicle came. A time to
+    meet is the gap over the sum of both speeds; it is 0 once the two are beside each other.
 
     `time_available` is the shorter of two times. One is `time_to_meet_at_crossing`, if a vehicle
     came. The other is the time to meet a vehicle just out of sight, which drives at the speed

@@ -146,7 +146,7 @@ def can_sun_dazzle(altitude: F32, cloudiness: F32) -> Mask:
     """Whether the sun is low and the sky clear enough to dazzle a driver towards the sun.
 
     Limits are in `knowledge/data/weather.toml`, section [glare]: 0 to 18 degrees, as the roof of
-    the vehicle hides a higher sun, and 60 % of clouds.
+    the vehicle hides a higher sun, and 60 % of clouds, as in the study (`pinto-2023`).
 
     Args:
         altitude: Height of the sun above the horizon, any shape [rad].
