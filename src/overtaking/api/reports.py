@@ -305,7 +305,7 @@ def film(
             the working folder for trajectories. For a twin the mp4 file, in an existing folder.
         simulation_ids: Numbers of the simulations, from 0 in a data set as in trajectories; `all`;
             or `one-per-class`, the first simulation of each class that lasts 2 s or more (no
-            overtake fits into a shorter one). Not for twins.
+            overtake fits into a shorter one), or the longest if all are shorter. Not for twins.
         policy: Policy for the class: `paper`, `default` or `strict`; None for the policy of the
             profile. Breaches of rules that it does not require are drawn in grey.
         threads: Number of films that are made at the same time; None for one per processor. Not for
