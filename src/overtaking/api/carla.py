@@ -3,10 +3,10 @@
 CARLA consists of a server, which simulates and draws, and a client, a Python library. `serve` runs
 a server of this package that speaks CARLA's protocol (the *headless* server): programs written for
 CARLA 0.9.16 run on it without CARLA's server. `replay` films simulations of a data set, and
-`measure_limits` measures two faults of CARLA's own traffic. These two use the client; the
-environment variable `OVERTAKING_CARLA` names their server as `HOST:PORT`. If it is unset or
-`headless`, they start a headless server for themselves. On CARLA's server films are photorealistic;
-the headless server draws vehicles as boxes.
+`measure_limits` measures two faults of CARLA's own traffic. `replay` and `measure_limits` use the
+client; the environment variable `OVERTAKING_CARLA` names their server as `HOST:PORT`. If the
+variable is unset or `headless`, they start a headless server for themselves. On CARLA's server
+films are photorealistic; the headless server draws vehicles as boxes.
 
 `check_arguments` raises a `ConfigError` for an argument of another type than its annotation. The
 modules that do the work are imported inside the functions, so `import overtaking` stays fast.
@@ -131,7 +131,7 @@ def serve(
         maps: Maps that clients can load: each the name of a road of the package, or an OpenDRIVE
             file, which clients name without the suffix. The first is loaded at the start; `town06`
             is the road of the study.
-        seed: Seed of random weather (gusts of wind; puddles), 0 <= seed < 2**64.
+        seed: Seed of the random parts of the weather (gusts and puddles), 0 <= seed < 2**64.
         ready: Called once, when clients can connect, with the port for calls and the port for
             streams.
         log: Called with a line of text about an event that a person may want to know, such as a

@@ -57,9 +57,10 @@ BUILTIN_DRIVERS: Mapping[str, Driver | None] = {
 }
 """Drivers of the package by name. None marks the human model, which the engine itself computes.
 
-`stay` never changes lanes; `rules` overtakes by fixed rules. Both receive what a human would
-perceive (`observation="human"`, which is no driver's name) and decide about lane changes only
-(`action="decision"`). The human model keeps the distance to the vehicle ahead for them.
+`stay` never changes lanes; `rules` overtakes by fixed rules. Both observe the traffic as a human
+perceives it (`observation="human"`, no reference to the driver `human`) and decide about lane
+changes only (`action="decision"`). The human model keeps the distance to the vehicle ahead for
+them.
 """
 
 

@@ -54,7 +54,7 @@ class EgoSignals(Delayed):
         left_occupancy: Share of the lane to the left that vehicles cover, from 100 m behind the
             ego's centre to 100 m ahead of it (a choice); 0 without such a lane [1].
         left_count: Number of vehicles in the lane to the left, at any distance as in the definition
-            of the reproduced paper (`PaperFeatures`); 0 without such a lane.
+            of the reproduced paper (`PaperFeatures`, `pinto2023`); 0 without such a lane.
         friction: Largest friction coefficient between the ego's tyres and the road, at its speed
             and the mean water film of its lane [1].
         sight_lit: Distance at which the ego's driver sees a vehicle ahead with lamps on, by
