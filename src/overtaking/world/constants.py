@@ -147,12 +147,13 @@ class ModelConstants:
         urgent_time: TTC below which drivers react with their shorter, urgent reaction time [s].
         brake_memory: Number of decisions over which drivers judge the braking of a leader [1].
         stop_lamp_decel: Deceleration from which the stop lamps are lit [m/s^2].
-        detection_growth: Detection time at the limit of sight over the time in plain view, minus 1
-            [1].
+        detection_growth: Detection time at the limit of sight, divided by the detection time in
+            plain view, minus 1 [1].
         blind_spot: Length of the area behind the rear bumper that the mirrors do not show [m].
         alongside: Lateral gap below which a driver notices a vehicle in that area [m].
         glance_interval: Decisions between two looks at mirrors and other lanes [1].
-        glance_moving: The same in the first half of a lane change [1].
+        glance_moving: Decisions between two looks at the lane that a driver enters, in the first
+            half of a lane change [1].
         glance_stagger: Decisions from the look of one driver to the look of the driver in the next
             slot, so that few drivers look at the same time [1].
         glance_time: Time in view that each look adds for the vehicles that it shows [s].
@@ -164,19 +165,21 @@ class ModelConstants:
         lane_time: Correlation time of the wandering in the lane [s].
         inverse_puddle_wave_1: One over the length of the first wave of the puddles [1/m].
         inverse_puddle_wave_2: One over the length of the second wave [1/m].
-        puddle_slope: A puddle has its full depth where the two waves add up to 1 / `puddle_slope`
-            below the threshold of `road_surface.puddle_depth_share` [1].
+        puddle_slope: Puddles lie where the sum of the two waves is below a threshold
+            (`road_surface.puddle_depth_share`). They have their full depth where it is below by
+            1 / `puddle_slope` or more [1].
         spray_coefficient: Extinction in the spray of a car at `spray_speed` [1/m].
         spray_film: Film of water beyond which the spray does not grow [mm].
         spray_speed: Reference speed of the spray, which grows with the square of speed [m/s].
         spray_reach: Length of the spray behind a vehicle [m].
         rain_speed: Speed at which a driver meets twice the rain of an observer at rest [m/s].
         inverse_stop_lamp: One over the luminous intensity of a stop lamp [1/cd].
-        position_gain: Lateral acceleration per lateral error in steering [1/s^2].
-        velocity_gain: Lateral acceleration per error of the lateral speed [1/s].
+        position_gain: Lateral acceleration that a driver requests per lateral distance from its
+            path [1/s^2].
+        velocity_gain: The same per error of the lateral speed [1/s].
         yaw_gain: Gain on the requested lateral acceleration minus speed times yaw rate [1].
-        slip_share: Largest front slip angle that drivers steer, over the ratio of the friction
-            coefficient to the cornering stiffness per load [1].
+        slip_share: Largest front slip angle that drivers steer, in units of the friction
+            coefficient over the cornering stiffness per load; the tyre slides at 3 units [1].
         wind_lag: Time constant with which drivers steer against side wind [s].
         steering_lag: Time constant of the wheel angle [s].
         steering_rate: Largest speed of the wheel angle [rad/s].
@@ -224,8 +227,8 @@ class ModelConstants:
             [1].
         urgent_return_margin: A return is urgent if the driver would complete it less than this
             before it meets the oncoming vehicle [s].
-        min_time_reserve_share: Share of a driver's demanded time reserve before oncoming vehicles
-            that remains however long it waits [1].
+        min_time_reserve_share: The time reserve before oncoming vehicles that a driver demands
+            falls while it waits, down to this share [1].
         abort_margin: A driver behind the middle of the target aborts if it would complete the
             overtake less than this before it meets the oncoming vehicle [s].
         tall_vehicle_gap_factor: Factor on the gaps to vehicles that hide the road ahead [1].

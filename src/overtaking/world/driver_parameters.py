@@ -11,9 +11,9 @@ number of a vehicle in its simulation; the ego, the vehicle under study, has slo
 
 A scenario may replace the physical effects of its weather by random lateral pushes
 (`Scenario.pushes`). Then the *effective* weather, to which drivers react, is a dry, clear day. In
-all other scenarios it is the recorded weather. One part of the code reads the recorded weather in
-both cases: at night, drivers see and judge oncoming vehicles as by night. This matters only on
-two-way roads with pushes, which no profile of the package has.
+all other scenarios it is the recorded weather. `oncoming_judgement` is an exception: whether it is
+night follows the recorded weather even with pushes. This matters only on two-way roads with pushes,
+which no profile of the package has.
 """
 
 from typing import NamedTuple
@@ -66,7 +66,7 @@ D / T^2: 10 / sqrt(3) = 5.7735. The rounding shortens the result of `_min_change
 
 _MIN_DEMAND = np.float32(0.1)
 """Lower limit of the trait `gap_demand_factor` where `_passing` divides by its root: the trait is 0
-for a driver that demands no gap at all. Chosen [1]."""
+for a driver that demands no gap at all. A choice [1]."""
 
 
 class DesiredSpeedFactors(NamedTuple):
@@ -119,8 +119,8 @@ def driver_parameters(context: StepContext) -> FieldArrays:
       `lane_change_duration` [s].
     - `inverse_patience`: rate at which the demands of a waiting driver fall [1/s].
 
-    `desired_speed`, `lane_change_threshold`, `min_speed_gain` and `lane_change_duration` are names
-    of traits, too: these numbers replace the traits. `VehicleParameters` has further traits as
+    `desired_speed`, `lane_change_threshold`, `min_speed_gain` and `lane_change_duration` are also
+    names of traits: these numbers replace the traits. `VehicleParameters` has further traits as
     fields; the caller copies them.
 
     Args:
@@ -326,8 +326,8 @@ def _reaction(context: StepContext) -> FieldArrays:
 
 def _whole_decisions(reaction_time: F32, effects: EnabledEffects) -> F32:
     """Reaction times [s] as whole numbers of decisions; 0 if the effect `delay` is disabled."""
-    # Drivers react to positions and speeds of earlier decisions, of which the step stores only
-    # `history`.
+    # Drivers react to positions and speeds of earlier decisions. The step stores those of the
+    # last `history` decisions only.
     max_delay = constant("model.perception.history")
     delay = minimum(np.rint(reaction_time * DECISIONS_PER_SECOND), max_delay)
     return delay if effects.delay else np.zeros_like(delay)
@@ -402,8 +402,8 @@ def _sight_of_oncoming(context: StepContext) -> F32:
     """Range at which drivers see an oncoming car of middling colour, shape (simulation,) [m]."""
     conditions = context.conditions
     visible = _visible_range(conditions, constant("model.lights.headlamp"))
-    # By day only rain makes low beam count here. In thick fog drivers switch it on, too, but this
-    # is neglected: it would raise the range to at most 230 m, still less than a usual pass needs.
+    # By day drivers are assumed to use low beam only in rain. Low beam in thick fog is neglected:
+    # it would raise the range to at most 230 m, still less than a usual pass needs.
     with_lamps = maximum(visible.by_contrast, visible.by_lamp)
     by_day = np.where(conditions.rain_rate > 0, with_lamps, visible.by_contrast)
     sight = np.where(context.scenario.weather.night, visible.by_lamp, by_day)

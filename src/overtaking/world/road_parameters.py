@@ -33,8 +33,8 @@ from overtaking.world.constants import ModelConstants
 from overtaking.world.sight_distance import visible_distance
 
 MAX_STATIONS = 64
-"""Number of columns of the tables of sight and of the line between the directions. Chosen; the
-compiled engine has tables of the same size."""
+"""Number of columns of the tables of sight and of the line between the directions. A choice;
+the compiled engine has tables of the same size."""
 
 _SOLID = (RoadMark.SOLID, RoadMark.SOLID_SOLID, RoadMark.SOLID_BROKEN)
 """Marks that a vehicle must not cross from the lane that the mark belongs to. The first word of a
@@ -63,8 +63,8 @@ class CourseTable(NamedTuple):
             if the road has neither, or if the map states sight distances, which
             `RoadParameters.sight` holds [m].
         sight_against: The same for the other direction [m].
-        truck_sight_along: Length of road that a truck driver sees, over crests more than a car
-            driver [m].
+        truck_sight_along: Length of road that a truck driver sees. The higher eye sees farther over
+            crests than the eye of a car driver [m].
         truck_sight_against: The same for the other direction [m].
         allowed_speed_along: Largest speed that the limits here and ahead allow: a driver at this
             speed can slow down in time for each limit [m/s].
@@ -109,7 +109,7 @@ class RoadParameters:
         film_path: Factor of the film of water in each lane (`road_surface.film_path_factor`). It
             grows with the lane's distance from the crown, the highest line of the road. Shape
             (MAX_LANES,) [1].
-        overtaking_sign: +1 in right-hand traffic, -1 in left-hand traffic.
+        overtaking_sign: +1 if the overtaking side is the left (right-hand traffic), else -1.
         x0: World x of (s, d) = (0, 0). It is 0 for a road that bends, as are `y0` and `heading`:
             the step does not convert positions on it to the world [m].
         y0: World y of the same point [m].
@@ -357,6 +357,7 @@ def _line_table(road: Road) -> F32:
     # The first mark begins at minus infinity; the stations of the table are finite.
     stations = [max(start, -_FAR) for start, _ in marks]
     along = [float(mark in _SOLID) for _, mark in marks]
+    # `reverse` is the same mark as seen from the opposing lane.
     against = [float(mark.reverse in _SOLID) for _, mark in marks]
     return _pad_stations([stations, along, against])
 

@@ -3,7 +3,8 @@
 The functions compute films of water in mm and friction coefficients from weather percentages of the
 driving simulator CARLA, positions, speeds and tyres. Rain feeds a *film* on the lanes, which runs
 off from the crown, the highest line of the road. Puddles lie on top of the film, in a fixed pattern
-along each wheel path.
+along each wheel path. CARLA's *precipitation deposits* say how much water lies on the road, also
+after the rain; the arguments `puddles` are deposits.
 
 Numbers of the model come from `knowledge/data/weather.toml` (`constant`) and, where the simulation
 step needs them, from `ModelConstants`. All functions are element by element: arguments are float32
@@ -34,7 +35,7 @@ _PHASE_STEP_2 = np.float32(0.381_966)
 
 _MAX_DISTANCE = np.float32(1e6)
 """Longer distances count as this in `stoppable_speed`, so that infinite sight gives a finite speed
-[m]. Chosen: no vehicle needs more to stop."""
+[m]. A choice: no vehicle needs more to stop."""
 
 
 def rain_rate(rain: F32) -> F32:
@@ -66,7 +67,8 @@ def min_wet_film(rate: F32, puddles: F32) -> F32:
 def puddle_depth(puddles: F32) -> F32:
     """Full depth of a puddle above the film [mm].
 
-    It is 0 up to 50 % of deposits: below, the road under `puddle_cover` holds no standing water.
+    It is 0 up to 50 % of deposits: such a road is damp, without standing water. `puddle_cover`
+    is above 0 there, but without effect.
 
     Args:
         puddles: CARLA's precipitation deposits, 0 to 100, any shape [%].
@@ -233,7 +235,7 @@ def friction_at_speed(constants: ModelConstants, speed: F32, wear: F32, truck: F
         if column == 0:  # Dry.
             dry_factor = ONE + truck * (constants.truck_dry_factor - ONE)
             columns.append(dry_factor * (rows[0] + change))
-        elif column == 1:  # 0.2 mm: truck tyres like car tyres.
+        elif column == 1:  # 0.2 mm: truck tyres count as car tyres.
             columns.append(rows[0] + change)
         else:  # 1 mm and 2 mm.
             loss_factor = ONE + truck * (constants.truck_loss_factor - ONE)

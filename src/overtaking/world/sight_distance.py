@@ -37,8 +37,8 @@ from overtaking.model.road import Road
 from overtaking.model.road_course import RoadCourse, RoadZone, ZoneKind
 
 _EYES_PER_BLOCK = 512
-"""Stations whose view is computed at a time. Chosen: with 500 points ahead of each, an array has
-2 MB, however long the road is."""
+"""Stations whose view is computed at a time, a *block*. A choice: with 500 points ahead of each, an
+array has 2 MB, however long the road is."""
 
 _MIN_AHEAD = 1e-3
 """Nearer points count as not ahead, because `_bearing` divides by the distance ahead [m]."""
@@ -121,7 +121,7 @@ def all_zones_for(road: Road, direction: int) -> tuple[RoadZone, ...]:
     """Zones of a road that rules of the law refer to: stated zones and zones of short sight.
 
     In a zone the law restricts overtaking. A map states zones such as junctions, crests and bends.
-    Where sight follows from the geometry, the stretches of short sight are zones, too:
+    Where sight follows from the geometry, the stretches of short sight are also zones:
 
     - bends with less than 50 m of sight, "reduced visibility" in Article 19 of the Portuguese
       Highway Code;
@@ -161,7 +161,7 @@ def visible_distance(road: Road, direction: int) -> VisibleDistance | None:
     if course.sight or course.sight_against:
         return None
     facts = sight_facts()
-    # Without bends or without crests, three names of one array, which nobody changes.
+    # The three names share one array: a road without bends or without crests keeps it unchanged.
     past_bends = over_crests = from_truck = np.full(len(_stations(road)), max_sight())
     # Only a road that bends has segments, the pieces of its reference line.
     if course.segments:

@@ -263,14 +263,15 @@ class StepParameters:
             simulation depend on it and on the seed.
         steps_per_frame: Steps from one recorded frame to the next.
         judgement_errors: Only for a `ParameterSwitch`: new errors of the ego in judging distances
-            and closing speeds, in standard deviations, shape (2, simulation); None keeps the
-            present errors.
+            (row 0) and closing speeds (row 1), in standard deviations, shape (2, simulation); None
+            keeps the present errors.
         local_vehicles: A copy of `vehicle_table` in which desired speeds follow the speed limit at
-            the present station of each vehicle; None for `vehicle_table`. The reference makes it at
-            every decision; the engine computes these speeds itself.
+            the present station of each vehicle; None if `vehicle_table` holds. The reference makes
+            it at every decision; the engine computes these speeds itself.
         local_simulations: A copy of `simulation_table` in which the wind has an axis for vehicles,
-            because it depends on their heading; None for `simulation_table`. Only the reference
-            uses it, for vehicles on pedals, which need not head along the road.
+            because it depends on their heading; None if `simulation_table` holds. Only the
+            reference uses it, for vehicles that a program drives by pedals and wheel angles
+            (`sim.pedal_driving`): they need not head along the road.
     """
 
     vehicle_table: F32
@@ -374,9 +375,9 @@ def with_ring(params: StepParameters, length: F32) -> StepParameters:
     """Parameters of a road that closes on itself, for statistics of steady traffic.
 
     Positions along the road go on growing lap by lap. Distances to other vehicles count modulo the
-    length, so each vehicle reacts to the nearest one of all laps. The target of an overtake and
-    contacts of bodies count no laps. The target would be wrong, so the ego must not overtake
-    (`ForcedDecision.STAY`), and contacts of vehicles in different laps are not found.
+    length, so each vehicle reacts to the nearest one of all laps. Two parts of the step compare
+    positions without the modulo: the target, the vehicle to overtake, would be wrong, so the ego
+    must not overtake (`ForcedDecision.STAY`); contacts of vehicles in different laps are not found.
 
     Args:
         params: Parameters of a road with ends.
@@ -411,6 +412,7 @@ def with_forced_decision(params: StepParameters, decision: int) -> StepParameter
 def _clock(scenario: Scenario) -> dict[str, F32]:
     """Fields of `SimulationParameters` for the end of a simulation, and 0 for optional fields.
 
+    From `deadline_step` on, a simulation also ends if the ego is not overtaking and not about to.
     0 means that no decision is forced and that the road has ends. `with_forced_decision` and
     `with_ring` change these fields.
     """
@@ -425,7 +427,7 @@ def _clock(scenario: Scenario) -> dict[str, F32]:
 
 
 def _same_fields(batch: VehicleSpecs | DriverTraits) -> dict[str, NDArray[Any]]:
-    """Fields of a batch that `VehicleParameters` has, too, shape (simulation, vehicle)."""
+    """Fields of a batch that `VehicleParameters` also has, shape (simulation, vehicle)."""
     names = (field.name for field in dataclasses.fields(batch) if field.name in VEHICLE_FIELDS)
     return {name: getattr(batch, name) for name in names}
 

@@ -19,7 +19,7 @@ _INFINITY = np.float32(np.inf)
 
 _MIN_DIVISOR = np.float32(1e-20)
 """Divisors up to this count as 0, such as speeds [m/s]. Quotients then stay far below 3e38, where
-float32 ends. Chosen: far below any speed that matters."""
+float32 ends. A choice: far below any speed that matters."""
 
 
 def time_gap(gap: F32Like, speed: F32Like) -> F32:

@@ -168,8 +168,8 @@ def _shape(vehicles: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
         "half_length": HALF * vehicles.length,
         "half_width": HALF * vehicles.width,
         "half_track": HALF * vehicles.track_width,
-        # The switch `wake` of this effect changes a constant of the step instead.
         "blocks_view": is_tall & effects.occlusion,
+        # Not `& effects.wake`: without wind shelter a constant of the step is neutral instead.
         "shelters_wind": is_tall,
         "spray": vehicles.spray_factor,
     }
@@ -238,7 +238,7 @@ def _wind_surface(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArr
 def _lamps(context: StepContext) -> FieldArrays:
     """Lamps and contrast: low beam at night, in rain and in thick fog; fog lamps in thick fog.
 
-    Bicycles have no lamps that are on. By day drivers judge an approach by the width of the body,
+    Bicycles drive without lamps. By day drivers judge an approach by the width of the body,
     at night by `lamp_separation`, the distance of the lamps or the diameter of a single one.
 
     A scenario may replace the physical effects of its weather by random lateral pushes
