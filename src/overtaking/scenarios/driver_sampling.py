@@ -109,7 +109,8 @@ class Population:
         distributions of the same kind share.
         """
         for name in ALL_TRAITS:
-            # Also refuses extremes that list the same traits in another order, which decides draws.
+            # The lists are compared with their order, because it decides which random number
+            # each trait gets.
             if name not in self.careful or list(self.careful) != list(self.reckless):
                 raise _file_error(name, "each trait in both extremes, in one order", "another list")
             kind, reckless_kind = self.careful[name].kind, self.reckless[name].kind

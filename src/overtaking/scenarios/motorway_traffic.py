@@ -149,14 +149,14 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         vehicles=vehicles.replace(valid=layout.valid),
         drivers=drivers_with_speed(traits, speeds),
         lane=layout.lane,
-        # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader, as far
-        # as its followers leave space. The vehicle keeps this share of the space: above 0 only in
-        # placed traffic, where starts would otherwise pile up at the end of a short zone.
+        # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader. This
+        # share of the free space behind the vehicle is then not used. It is above 0 only in placed
+        # traffic, where starts would otherwise pile up at the end of a short zone.
         kept_gap_share=np.zeros_like(speeds),
         zone=StartZone.whole_road(block.road),
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
         # Where the slots run out, the deadline is the time at which an end may come into sight: an
-        # attempt after it would meet an empty road. Chosen: `OVERTAKE_DURATION` is not subtracted,
+        # attempt after it would meet an empty road. `OVERTAKE_DURATION` is not subtracted, a choice,
         # as dense traffic would lose 25 s of the time for attempts. So a late attempt may see an
         # end before it is over; `overtaking validate` measures how often egos see an end.
         deadline=minimum(end_in_sight_time, stated_deadline),
@@ -173,18 +173,21 @@ def road_length(specification: Specification, flow: FlowTraffic) -> float:
 
         sights ahead and behind + (both closing speeds + both margins) T + two spacings
 
-    and a spacing for each of the fewest vehicles that is left when no end is in sight. Then each
-    lane has three vehicles or more: one near the ego and one at each end. The two spacings count
-    with their largest length, the others with the mean, as they are many.
+    Specifications with many vehicles need more: a spacing for each vehicle that is missing to their
+    smallest number when no end is within sight in the time T. Each lane has three vehicles or more
+    by then: one near the ego and one at each end. The two spacings in the formula count with their
+    largest length, the spacings of missing vehicles with the mean, as they are many.
 
     A closing speed is the speed at which the ego and an end of the traffic approach each other, a
     negative one counting as 0. If both are positive, their sum is at most the range of the lanes'
-    mean speeds. If only one is, the ego's estimated speed is beyond those of all lanes.
+    mean speeds. If only one is positive, the ego's estimated speed is above or below the mean
+    speeds of all lanes.
 
-    For long simulations a simpler bound is larger: it takes their duration for T, and the range
-    plus the largest speed of a vehicle for the closing speeds. It stays because another length of
-    the road would change the hashes of data sets. In profile `motorway`, the road is 7 km longer
-    than the foremost vehicle needs.
+    The function takes the larger of this bound and a simpler one, which is larger for long
+    simulations: T is their duration, and the range plus the largest speed of a vehicle stands for
+    the closing speeds. The simpler bound stays because another length of the road would change the
+    hashes of data sets. In profile `motorway`, the road is 7 km longer than the foremost vehicle
+    needs.
 
     Args:
         specification: The specification of the scenarios: its duration and its drivers.
@@ -357,7 +360,7 @@ def following_starts(
     No vehicle is faster than its driver wants, or nearer to its leader: a vehicle that was drawn
     nearer starts farther back. A vehicle with a larger gap may close in, see `RELAXING_DECEL`.
     Vehicles are treated from the foremost to the rearmost, so that each leader is placed before its
-    follower. `two_way_traffic` uses this function, too.
+    follower. `two_way_traffic` also uses this function.
 
     Args:
         layout: Lanes and stations; all other arrays have the shape of its lanes.

@@ -412,7 +412,6 @@ def with_forced_decision(params: StepParameters, decision: int) -> StepParameter
 def _clock(scenario: Scenario) -> dict[str, F32]:
     """Fields of `SimulationParameters` for the end of a simulation, and 0 for optional fields.
 
-    From `deadline_step` on, a simulation also ends if the ego is not overtaking and not about to.
     0 means that no decision is forced and that the road has ends. `with_forced_decision` and
     `with_ring` change these fields.
     """

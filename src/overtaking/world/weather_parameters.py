@@ -39,8 +39,8 @@ from overtaking.world.road_parameters import road_parameters
 from overtaking.world.road_surface import PERCENT
 
 _HIGH_SUN = np.float32(0.8)
-"""Altitude of a sun that brings neither night nor glare [rad]: 46 degrees, while glare ends at 18
-degrees. Chosen."""
+"""Altitude of a sun that brings neither night nor glare [rad]. A choice: 46 degrees; glare
+ends at 18 degrees."""
 
 _NO_LAMP_VISIBLE = np.float32(1e9)
 """A threshold of illuminance that no lamp reaches [lx]."""
@@ -51,7 +51,8 @@ class SimulationParameters(NamedTuple):
 
     Attributes:
         last_step: Step at which the simulation ends at the latest.
-        deadline_step: Step at which it ends if the ego has not attempted to overtake.
+        deadline_step: From this step on, it also ends as soon as the ego is neither overtaking nor
+            about to: it never began, or it gave up.
         fog_extinction: Extinction coefficient of fog [1/m].
         rain_extinction: Extinction coefficient of rain for an observer at rest [1/m].
         log_contrast_sensitivity_ahead: Logarithm of the glare factor (share of contrast that the
@@ -147,7 +148,7 @@ class SimulationParameters(NamedTuple):
 class WeatherEffects:
     """Effects of rain, fog and light that need no random number; arrays of shape (simulation,).
 
-    This is the part of `SceneConditions` that rules of the law and tables of results read, too.
+    Rules of the law and tables of results also read this part of `SceneConditions`.
 
     Attributes:
         rain_rate: Rain [mm/h].
