@@ -141,7 +141,7 @@ def draw_placed_starts(
         kind: Vehicle classes, positions in `VEHICLE_CLASS_NAMES`, shape (simulation, vehicle).
 
     Returns:
-        Starts that may overlap or be too fast; slots without a vehicle hold numbers, too.
+        Starts that may overlap or be too fast. Slots without a vehicle hold meaningless numbers.
     """
     # All draws below come from one stream: another order would change the scenarios of every seed.
     stream = block.stream(Stream.LAYOUT)
@@ -158,7 +158,7 @@ def draw_placed_starts(
         lanes.append(stream.integer(zone.num_lanes).astype(np.uint8))
         is_leader = slot == LEADER_SLOT
         speeds.append(_start_speed(traffic, stream.uniform(), kind[:, slot], is_leader=is_leader))
-        # For the repair: a vehicle that moves back keeps this share of the space behind it.
+        # A vehicle that `repair_starts` moves back leaves this share of the space behind it free.
         kept_gap_shares.append(scale_to_range(stream.uniform(), 0.0, MAX_KEPT_GAP_SHARE))
     lanes[EGO_SLOT] = lanes[LEADER_SLOT] = ego_lane
     valid = [slot < num_vehicles for slot in slots]

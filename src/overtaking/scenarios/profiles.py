@@ -122,7 +122,7 @@ def _profile_path(name: str) -> Path:
 def _with_base(table: dict[str, Any], where: str) -> dict[str, Any]:
     """The table merged into the table of its base profile, if it names one.
 
-    A base may have a base, too; profiles of the package have no circle of bases. A file must fit
+    A base may itself have a base; profiles of the package have no circle of bases. A file must fit
     its base: unlike an override, it drops no keys, so the check of the specification refuses a file
     with another weather mode or another of `_SPAWN_KEYS` than its base.
     """

@@ -155,8 +155,8 @@ class SampleBlock:
 
         Args:
             stream: `Stream.VEHICLE`, `Stream.DRIVER` or another purpose with a stream for each
-                slot. The slot is added to its number. These numbers are 256 apart, and no scenario
-                has more than 32 slots.
+                slot. The slot is added to its number. The numbers of purposes are 256 apart, and
+                no scenario has more than 32 slots.
             num_slots: Number of slots.
         """
         slots = np.uint32(stream) + np.arange(num_slots, dtype=np.uint32)

@@ -235,8 +235,8 @@ def _sample_block(
         scenario = modify(scenario)
     s, speed = _start_states(block.specification.starts, start, scenario)
     if start.is_oncoming is not None:
-        # Samplers count stations of oncoming vehicles from the far end of the road, scenarios all
-        # stations from its beginning.
+        # Samplers count stations of oncoming vehicles from the far end of the road; a `Scenario`
+        # counts all stations from its beginning.
         s = np.where(start.is_oncoming, np.float32(block.road.length) - s, s)
     return scenario.replace(start_s=s, start_speed=speed)
 

@@ -155,7 +155,7 @@ class Component(Section):
             copy of the component with powers^t, t * shifts and the same parts, so that a copy with
             a small t changes little. The copies divide the share equally. Strong changes of many
             numbers draw mostly simulations of nearly no weight; copies with a small t draw
-            those between, which have larger weights.
+            simulations between these and the profile's, which have larger weights.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=40)]
