@@ -156,9 +156,9 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         zone=StartZone.whole_road(block.road),
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
         # Where the slots run out, the deadline is the time at which an end may come into sight: an
-        # attempt after it would meet an empty road. `OVERTAKE_DURATION` is not subtracted, a choice:
-        # dense traffic would lose 25 s of the time for attempts. So an ego may see an end during a
-        # late attempt; `overtaking validate` measures how often egos see an end.
+        # attempt after it would meet an empty road. A choice: `OVERTAKE_DURATION` is not subtracted,
+        # as dense traffic would lose 25 s of the time for attempts. So an ego may see an end during
+        # a late attempt; `overtaking validate` measures how often egos see an end.
         deadline=minimum(end_in_sight_time, stated_deadline),
     )
 

@@ -107,8 +107,8 @@ def _path_and_mode(finding: ErrorDetails) -> tuple[list[str], str | None]:
     return path, None
 
 
-# Modes of `[weather]`, the only section whose wrong mode leads to such an error. With a wrong mode,
-# `[traffic]` is read as placed traffic, in which `mode` is an unknown key.
+# Modes of `[weather]`, the only section with errors about its mode (`union_tag` below): `[traffic]`
+# with a wrong mode is read as placed traffic, in which `mode` is an unknown key.
 _MODE = 'mode = "presets" or mode = "independent"'
 
 # Descriptions of a valid value, by Pydantic's type of error.

@@ -186,7 +186,9 @@ of a two-way road [m]. A choice: 50 m (`knowledge/data/sampling.toml`)."""
 _FlowPerHour = Annotated[float, Field(ge=10.0, le=1500.0)]  # Vehicles per hour; limits are choices.
 _BusierShare = Annotated[float, Field(ge=0.5, le=1.0)]
 
-# Numbers of vehicles of one group, ahead, behind or oncoming. `TwoWayTraffic` limits their sum.
+# Numbers of vehicles of one group: ahead, behind or oncoming. The groups behind and oncoming leave
+# two places, for the ego and for a vehicle ahead of it. The group ahead needs to leave one place
+# only; its equal limit is a choice. `TwoWayTraffic` limits the sum of the groups.
 _CountFromOne = Annotated[int, Field(ge=1, le=MAX_VEHICLES - 2)]
 _CountFromZero = Annotated[int, Field(ge=0, le=MAX_VEHICLES - 2)]
 
@@ -222,8 +224,9 @@ class TwoWayTraffic(Section):
             two-wheelers.
         slow_speed_kmh: Range of the desired speed of the slow vehicles.
         start_s_m: Range of the position along the road at which the ego starts.
-        sight_m: Largest distance at which the ego may see an oncoming vehicle. The deadline ensures
-            that no arrival is missing within it while the ego overtakes.
+        sight_m: Largest distance at which the ego may see an oncoming vehicle. The deadline is so
+            early that the empty road behind the last oncoming vehicle stays farther away than this
+            during a common overtake.
         colours: Weights of the colours.
     """
 
@@ -271,7 +274,7 @@ class TwoWayTraffic(Section):
                 key="free_speed_kmh",
                 got=f"none for {name}",
             )
-        # Unlike `check_four_wheels`, this error shows the two-wheelers instead of all weights.
+        # Not `check_four_wheels`, whose error shows all weights: this one shows the two-wheelers.
         two_wheelers = [name for name in TWO_WHEELERS if self.ego_types.get(name, 0.0) > 0.0]
         if two_wheelers:
             raise specification_error(
@@ -282,6 +285,7 @@ class TwoWayTraffic(Section):
             )
         if self.start_s_m[0] <= END_MARGIN:
             # Vehicles within `END_MARGIN` of an end of the road are left out; the ego must not be.
+            # The far end needs no check: `two_way_traffic.road_length` adds to the largest start.
             raise specification_error(
                 f"more than {END_MARGIN:g} m from the beginning of the road",
                 f"begin above {END_MARGIN:g}",

@@ -12,7 +12,7 @@ direction: stations of oncoming vehicles count from the far end of the road. A v
 drive into a slower one ahead follows it. The *horizon* is the longest duration of a simulation; the
 *deadline* is the time at which it ends if the ego has not begun to overtake.
 
-Three constants hold for motorway traffic, too: `END_MARGIN` (smallest distance of vehicles from the
+Three constants also hold for motorway traffic: `END_MARGIN` (smallest distance of vehicles from the
 ends of the road [m]), `PASSING_SPEED_FACTOR` (largest speed while overtaking over the desired
 speed) and `OVERTAKE_DURATION` (duration of a common overtake [s]).
 
@@ -178,8 +178,8 @@ def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
 
     The sum of the ego's farthest start, the length of a platoon of all vehicles ahead of it, and
     the stretch from which oncoming vehicles come. That stretch is the distance that two vehicles at
-    the highest passing speed cover towards each other before the horizon, plus the sight distance;
-    it is shorter if all oncoming vehicles fit into less.
+    the highest passing speed cover towards each other before the horizon, plus the sight distance.
+    It is at most the distance over which all oncoming vehicles are spread at the longest headways.
 
     A known gap: with no or one oncoming vehicle, the stretch is so short that a fast ego may leave
     the road. With one, profile `rural` has 2.5 km of road beyond the farthest start, and the
@@ -346,7 +346,7 @@ def _oncoming_stations(
         traffic: Section `[traffic]` of the specification.
         stream: The stream of the layout.
         arrivals: Arrivals in the other direction.
-        ego_s: Station of the ego, counted from the far end, too, shape (simulation,) [m].
+        ego_s: Station of the ego, also from the far end, shape (simulation,) [m].
     """
     stations = []
     station = ego_s

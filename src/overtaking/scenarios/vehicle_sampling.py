@@ -356,7 +356,7 @@ def _complete_vehicles(body: DrawnBody) -> VehicleSpecs:
         tyre_wear=body.tyre_wear,
         contrast=_colour_contrasts()[body.colour],
         two_wheeler=_class_flags("two_wheeler")[kind],
-        # A property of the class, so it is set on two-way roads, too. It has no effect there: no
+        # A property of the class, so it is also set on two-way roads. It has no effect there: no
         # rule of the law reads it, and `world.vehicle_parameters` only lets flagged vehicles hold
         # the speed at which they start.
         unlawful_presence=~_class_flags("motorway_allowed")[kind],

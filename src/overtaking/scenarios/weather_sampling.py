@@ -85,7 +85,7 @@ def draw_weather(
         stream: The stream `Stream.WEATHER`, before its first draw.
         transform: Takes the name of a quantity of independent weather and its random numbers, and
             returns the numbers to use. By default they are the same. Importance sampling replaces
-            quantities in `specification.PROPOSAL_UNIFORMS`, so not the direction of the wind.
+            quantities in `specification.PROPOSAL_UNIFORMS`, never the direction of the wind.
     """
     # All numbers come from one stream: another order would change the weather of every seed.
     wind_direction = scale_to_range(stream.uniform(), -PI, PI)
@@ -216,8 +216,8 @@ def _independent_weather(
 def _is_night(altitude: F32) -> Mask:
     """Whether the sun is below the horizon, a choice: drawn weather has no dusk.
 
-    A recording states the flag `Weather.night` itself. If it is false with the sun below the
-    horizon, the model has dusk.
+    It is dusk where `Weather.night` is false although the sun is below the horizon. A recording may
+    state that.
 
     Args:
         altitude: Height of the sun above the horizon, any shape [rad].
