@@ -156,9 +156,9 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         zone=StartZone.whole_road(block.road),
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
         # Where the slots run out, the deadline is the time at which an end may come into sight: an
-        # attempt after it would meet an empty road. A choice: `OVERTAKE_DURATION` is not subtracted,
-        # as dense traffic would lose 25 s of the time for attempts. So an ego may see an end during
-        # a late attempt; `overtaking validate` measures how often egos see an end.
+        # attempt after it would meet an empty road. Subtracting `OVERTAKE_DURATION` as well would
+        # take 25 s for attempts from dense traffic; it is left out, a choice. So an ego may see an
+        # end during a late attempt; `overtaking validate` measures how often egos see an end.
         deadline=minimum(end_in_sight_time, stated_deadline),
     )
 
@@ -173,10 +173,10 @@ def road_length(specification: Specification, flow: FlowTraffic) -> float:
 
         sights ahead and behind + (both closing speeds + both margins) T + two spacings
 
-    Specifications with many vehicles need more: a spacing for each vehicle that is missing to their
-    smallest number when no end is within sight in the time T. Each lane has three vehicles or more
-    by then: one near the ego and one at each end. The two spacings in the formula count with their
-    largest length, the spacings of missing vehicles with the mean, as they are many.
+    If such traffic has fewer vehicles than the specification requires, a spacing is added for each
+    missing vehicle. The traffic has at least three vehicles in each lane: one near the ego and one
+    at each end. The two spacings in the formula count with their largest length, the spacings of
+    missing vehicles with the mean, as they are many.
 
     A closing speed is the speed at which the ego and an end of the traffic approach each other, a
     negative one counting as 0. If both are positive, their sum is at most the range of the lanes'

@@ -61,8 +61,8 @@ def name_check(kind: str, names: Callable[[], tuple[str, ...]]) -> Callable[[str
 
     Args:
         kind: Kind of the name for the message, such as "road".
-        names: Function that returns the known names. It is called at each check, so that files with
-            names are read only when a specification is.
+        names: Function that returns the known names. It is called at each check: files with
+            names are read together with the first specification, not at import.
     """
 
     def check_name(name: str) -> str:

@@ -103,8 +103,8 @@ class ModelConstants:
             the leader there [s].
         visible_fraction: Share of the duration of a lane change after which other drivers notice it
             [1].
-        cooldown: Time from the start of a lane change of the others to the start of their next one,
-            unless that is an overtake: then `abort_cooldown` applies [s].
+        cooldown: For the others, time from the start of a lane change to the start of the next one.
+            If the next one begins an overtake, `abort_cooldown` holds instead [s].
         min_lane_change_duration: Shortest duration of a lane change that avoids a leader [s].
         abort_duration_share: Duration of the way back of a cancelled lane change, over the usual
             duration of a lane change [1].
@@ -224,7 +224,7 @@ class ModelConstants:
         min_return_space: Gap to the leader plus gap to the follower in the lane to return to, below
             which a driver aborts instead [m].
         return_time_gap_share: Share of the desired time gap that must be free ahead of the target
-            [1].
+            for a return [1].
         urgent_return_margin: A return is urgent if the driver would complete it less than this
             before it meets the oncoming vehicle [s].
         min_time_reserve_share: The time reserve before oncoming vehicles that a driver demands
@@ -459,8 +459,8 @@ def without_disabled_effects(constants: ModelConstants, effects: EnabledEffects)
     """Constants with neutral values where they express a disabled effect.
 
     Constants express `wake` and `looming`, and parts of `gusts`, `range` and `delay`. Parameters of
-    vehicles and simulations express the other parts and effects: `world.weather_parameters`,
-    `world.vehicle_parameters` and `world.driver_parameters` give these neutral values.
+    vehicles and simulations express the other parts and effects. Their neutral values are set in
+    `world.weather_parameters`, `world.vehicle_parameters` and `world.driver_parameters`.
 
     Args:
         constants: Constants of the model.
