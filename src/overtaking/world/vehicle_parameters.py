@@ -169,7 +169,7 @@ def _shape(vehicles: VehicleSpecs, effects: EnabledEffects) -> FieldArrays:
         "half_width": HALF * vehicles.width,
         "half_track": HALF * vehicles.track_width,
         "blocks_view": is_tall & effects.occlusion,
-        # Not `& effects.wake`: without wind shelter a constant of the step is neutral instead.
+        # Not `& effects.wake`: disabling that effect sets the constant `shelter_factor` to 1.
         "shelters_wind": is_tall,
         "spray": vehicles.spray_factor,
     }
