@@ -1,4 +1,8 @@
-"""Label recordings: events of the overtake, findings of each rule, classes and features."""
+"""Label recordings: events of the overtake, findings of each rule, classes and features.
+
+A pack holds the rules of one law. A policy selects the rules that a legal overtake must not break,
+and the classes in use.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -48,9 +52,9 @@ class LabelledTrajectories(IdentityBatch):
         events: Frames of the events of the overtake.
         findings: Result of each rule for each simulation.
         labels: Outcome of each simulation, and its class under each policy.
-        paper_features: Features of the reproduced paper, measured as in the paper: by means over
-            all frames where the ego does not overtake.
-        matched_features: The same features, measured at one frame in every class.
+        paper_features: Features of the reproduced paper (Pinto, Dutra and Fonseca, 2023), measured
+            as there: when the overtake begins; in a simulation without one, by means over frames.
+        matched_features: The same features, measured at a single frame in every simulation.
         attempt_features: State of the ego and its surroundings when the overtake began, or could
             have begun.
         safety: Surrogate measures of safety, such as the smallest time to collision.
@@ -180,9 +184,9 @@ def _overtake_classes(outcome: U8, detail: U8, legality: Legality, policy: Polic
     has_departed = (
         np.isin(detail, (OutcomeDetail.DEPARTED, OutcomeDetail.SPUN)) & policy.names_departures
     )
-    # The first condition that holds decides. A departure comes before `NO_ATTEMPT`: an ego that has
-    # begun no overtake can leave the road, too. A broken rule comes before undecided ones: the
-    # overtake is illegal whatever those would give.
+    # The first condition that holds decides. A departure comes before `NO_ATTEMPT`, because an ego
+    # that has begun no overtake can leave the road. A broken rule comes before undecided rules: the
+    # overtake is illegal whatever their verdicts would be.
     classes_by_condition = [
         (outcome == Outcome.COLLISION, OvertakeClass.UNSUCCESS_COL),
         (has_departed, OvertakeClass.UNSUCCESS_DEP),

@@ -5,6 +5,9 @@ by the mean over all of its frames. The features then reveal whether there is an
 may learn from the reading "matched" only: it measures every simulation at one frame. Without an
 attempt this frame is a pseudo attempt, after a waiting time drawn from the waiting times of
 attempts and limited to the time for which the ego followed.
+
+An event is a frame of each simulation, `NEVER` (-1) if it does not occur. Left is the overtaking
+side, also in left-hand traffic.
 """
 
 from typing import Any
@@ -68,8 +71,8 @@ def matched_features(case: Case) -> PaperFeatures:
 
     The waiting time counts from the frame in which the ego begins to follow the target, the
     difference of speeds is positive while the gap shrinks, the distance is the gap between the
-    bumpers, and the occupancy is `LeftLaneOccupancy.occupancy`. Unlike in the paper's reading, the
-    end of an abort also ends the overtaking time.
+    bumpers, and the occupancy is the share of the left lane that vehicles cover, within 100 m of
+    the ego. The end of an abort ends the overtaking time; the paper's reading ignores it.
     """
     events = case.events
     has_attempt = events.has_attempt
@@ -152,15 +155,15 @@ def pseudo_attempt(case: Case) -> I32:
     """The frame in which a simulation without an attempt is measured; `NEVER` with an attempt.
 
     The waiting time until that frame is drawn from the distribution of the waiting times of the
-    profile's attempts, cut off at the time for which the ego followed: the quantile of a uniform
-    number times the share of the distribution below that time. `following_begin` always is a frame:
-    the first of the recording if the ego never follows.
+    profile's attempts, truncated to times below the time for which the ego followed.
+    `following_begin` is never `NEVER`: it is frame 0 if the ego never follows.
     """
     scenario, events = case.trajectories.scenario, case.events
     quantiles = _waiting_time_quantiles(scenario.profile)
     draw = PhiloxStream(scenario.seed, scenario.scenario_index, Stream.MATCHED_INSTANT).uniform()
     end = _first_event_or_last_frame(case, events.collision)
     following_time = seconds_of(case, np.maximum(end - events.following_begin, 0))
+    # A uniform number times the share below the bound is a uniform number from 0 to that share.
     waiting_time = _quantile(quantiles, draw * _share_below(quantiles, following_time))
     num_frames = np.rint(waiting_time * np.float32(1000.0 / case.signals.frame_interval_ms))
     frame = np.minimum(events.following_begin + num_frames.astype(np.int32), end)
@@ -181,7 +184,10 @@ def _waiting_time_quantiles(profile: str) -> F32:
 
 
 def _quantile(quantiles: F32, share: F32) -> F32:
-    """Value below which a share of a distribution lies, linear between even quantiles."""
+    """Value below which a share of a distribution lies, linear between its quantiles.
+
+    The quantiles belong to evenly spaced shares from 0 to 1.
+    """
     rank = share * np.float32(len(quantiles) - 1)
     low = np.minimum(rank.astype(np.int32), len(quantiles) - 2)
     fraction = rank - as_f32(low)
@@ -192,7 +198,7 @@ def _share_below(quantiles: F32, value: F32) -> F32:
     """Share of a distribution that lies below a value; the inverse of `_quantile`."""
     low = np.searchsorted(quantiles, value, side="right") - 1
     low = np.clip(low, 0, len(quantiles) - 2)
-    # Two quantiles may be equal.
+    # Two quantiles may be equal: the bound avoids a division by 0.
     step = maximum(quantiles[low + 1] - quantiles[low], np.float32(1e-6))
     fraction = np.clip((value - quantiles[low]) / step, np.float32(0.0), np.float32(1.0))
     return (as_f32(low) + as_f32(fraction)) / np.float32(len(quantiles) - 1)
