@@ -6,16 +6,18 @@ takes the code of another rule (such as `distance_rule`), it only names this rul
 (`predicate`); without a code the sentence states the formula.
 
 - `grade`: a breach is serious where the catalogue of fines (BKatV, annex) gives a point for it,
-  very serious with two, else light. `de-2` has one grade for each rule but V2. A later reading of
-  the catalogue found differences, which would change verdicts: A3 (number 15), O9 (153a) and O17
-  (89a, 113) cost a point; A2 costs two with the smallest gaps above 100 km/h; O1 costs none in
-  towns (16); V1 costs one only in some situations, such as bad weather (8.1).
+  very serious with two, else light. This version of the pack has one grade for each rule but V2. A
+  later reading of the catalogue found differences, not included because they would change verdicts:
+  A3 (number 15), O9 (153a) and O17 (89a, 113) cost a point; A2 costs two with the smallest gaps
+  above 100 km/h; O1 costs none in towns (16); V1 costs one only in some situations, such as bad
+  weather (8.1).
 - `required_by`: which of the policies `paper`, `default`, `strict`, `serious` and `enforced`
-  require the rule, by choice. `EVERY_POLICY`: rules of the same weight as the rules of the
-  reproduced study; `DEFAULT_AND_STRICTER`, all but `paper`: other rules; `STRICT_ONLY`: signals,
-  lamps, keeping right, the intentions of others, and uncertain readings; `ALL_BUT_STRICT`: `strict`
-  requires the variant with an s instead; `NO_POLICY`: the text was not read, or the duty is another
-  vehicle's. `enforced` counts breaches that are fined in practice.
+  require the rule, a choice. `EVERY_POLICY`: rules that count as equally important as those of the
+  reproduced study (Pinto, Dutra and Fonseca, 2023); `DEFAULT_AND_STRICTER`, all but `paper`: other
+  rules; `STRICT_ONLY`: signals, lamps, keeping right, the intentions of others, and uncertain
+  readings; `ALL_BUT_STRICT`: `strict` requires the variant with an s instead; `NO_POLICY`: the text
+  was not read, or the duty is another vehicle's. `enforced` counts breaches that are fined in
+  practice.
 - `text_source`: how the wording of the duty is known. `READ`: in a full reprint. `SECONDARY`: in
   quotations alone; such a rule (G1, F2) is always undecidable.
 - `limit_phrase`: completes the sentence "the ego missed ... by 2 m".
@@ -226,7 +228,7 @@ A1 = Rule(
     "suddenly.",
     criterion=TimeDistance(min_time=_COURTS_TIME),
     grade=Grade.LIGHT,
-    required_by=EVERY_POLICY - {"enforced"},
+    required_by=EVERY_POLICY - {"enforced"},  # `enforced` requires A2 instead.
     limit_phrase=f"the way of {_COURTS_TIME} to the vehicle ahead",
     text_source=TextSource.READ,
     consulted_source="4(1) at ra.de and aok.de",

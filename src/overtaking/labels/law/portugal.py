@@ -8,7 +8,8 @@ another rule (such as `return_rule`), it only names this rule in its sentence (`
   these articles do not list are light. With `BY_BREACH` the criterion states a `Severity` for each
   breach.
 - `required_by`: which of the policies `paper`, `default`, `strict`, `serious` and `enforced`
-  require the rule. `EVERY_POLICY`: the 22 columns of the reproduced study suffice to decide it.
+  require the rule. `EVERY_POLICY`: the 22 columns of the data of the reproduced study (Pinto, Dutra
+  and Fonseca, 2023) suffice to decide it.
   `DEFAULT_AND_STRICTER`, all but `paper`: it also needs the road or the weather. `STRICT_ONLY`:
   signals, lamps, keeping right, the intentions of others, and uncertain readings.
   `ALL_BUT_STRICT`: `strict` requires the variant with an s instead. `NO_POLICY`: the duty is
@@ -164,6 +165,7 @@ L5 = Rule(
     article="Articles 35 and 38(2)(c)",
     title="Room behind in the lane entered",
     gloss="Change lane only where no danger to or obstruction of traffic results.",
+    # The limits bound the speed of a remedy: a faster ego may need less gap behind.
     criterion=GapBehind(safe_distance_rule="L3", general_limits=GENERAL_LIMITS),
     grade=Grade.BY_ROAD,
     required_by=EVERY_POLICY,
@@ -311,7 +313,7 @@ L12 = Rule(
 )
 
 # A driving school and a list of fines state 50 km/h, an edition of 2001 has 40 km/h. The paragraph
-# was not read in the edition of 2013; 50 km/h is the choice.
+# was not read in the edition of 2013; 50 km/h is a choice.
 _MIN_SPEED = _highway_code_kmh(50.0)
 
 L13 = Rule(
@@ -646,8 +648,8 @@ L29 = Rule(
     title="Signs against overtaking",
     gloss="Sign C14a forbids to overtake motor vehicles other than two-wheelers. Sign C14b forbids "
     "heavy vehicles to overtake, sign C14c motorcycles and mopeds.",
-    # L25 to L29 came with two-way roads. The criteria of L25 to L28 apply to such roads alone; this
-    # one could also judge one-way roads, whose tables would then have new rows.
+    # L25 to L29 came with two-way roads. The criteria of L25 to L28 apply to such roads alone. This
+    # one could judge one-way roads as well; their tables, made before, would then have new rows.
     criterion=NoOvertakingSigns(has_sign_for_motorcycles=True, only_two_way_roads=True),
     grade=Grade.BY_ROAD,
     required_by=DEFAULT_AND_STRICTER,

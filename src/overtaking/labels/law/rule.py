@@ -1,4 +1,10 @@
-"""Classes of a law: rules, criteria, packs of rules, tolerances, and how well a text is known."""
+"""Classes of a law: rules, criteria, packs of rules, tolerances, and how well a text is known.
+
+A rule judges a `Case`, a batch of recorded simulations, and gives a `Finding`: a verdict and a
+margin for each simulation. A margin is the distance from the limit of the rule, negative in a
+breach. A policy selects the rules that an overtake must not break to be legal. The study is Pinto,
+Dutra and Fonseca (2023), which this package reproduces; the policy `paper` has its rules.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -15,28 +21,32 @@ from overtaking.model.trajectories import ManoeuvreKind, PerceivedVehicle
 from overtaking.model.verdicts import Case, Finding
 
 EVERY_POLICY = frozenset(["paper", "default", "strict", "serious", "enforced"])
-"""Policies that require the rules of the paper, or rules of the same weight."""
+"""All policies, for rules that the study's columns suffice to decide, and for rules of other laws
+that count as equally important."""
 
 DEFAULT_AND_STRICTER = EVERY_POLICY - {"paper"}
-"""Policies that require the rules which the paper does not have."""
+"""All policies but `paper`, for rules that need more than the study's columns."""
 
 ALL_BUT_STRICT = EVERY_POLICY - {"strict"}
-"""Policies that require a reading which `strict` replaces by a stricter one."""
+"""All policies but `strict`, for rules that `strict` replaces by a stricter variant."""
 
 STRICT_ONLY = frozenset(["strict"])
-"""The policy that also requires the rules with an uncertain reading."""
+"""The policy that adds signals, lamps, keeping right, and rules with an uncertain reading."""
 
 NO_POLICY = frozenset[str]()
-"""For a rule that is judged and never required."""
+"""For a rule that is judged and never required, such as a duty of another vehicle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerance:
-    """How far beyond the letter of a rule a policy looks away; a breach exceeds all of it.
+    """Size of a breach up to which a policy ignores it.
+
+    A breach counts only if it exceeds `margin`, `share` and `duration`, each of them.
 
     Attributes:
-        margin: Margin beyond the limit, in the unit of the rule, 0 or more.
-        share: Share of the measured value, 0 to 1; only of rules that have a `limit`.
+        margin: Excess over the limit, in the unit of the rule, 0 or more.
+        share: Excess over the limit as a share of the measured value, 0 to 1; ignored for a rule
+            whose `Criterion.limit` is None.
         duration: Time of the longest unbroken part of the breach [s].
         source: Id of the source of these numbers; empty without a source.
     """
@@ -91,22 +101,28 @@ class Criterion(ABC):
     only_two_way_roads: bool = False
 
     ERROR_FORMULA: ClassVar[str] = "0"
-    """`standard_error` in words. sp and sv are the standard deviations of positions and speeds; a
-    number of the law stands by the name of its field."""
+    """`standard_error` as a formula for readers. sp and sv are the standard deviations of positions
+    and speeds; the name of a field of the criterion stands for its value."""
 
     @property
     def required_inputs(self) -> frozenset[str]:
-        """Names of `UNKNOWNS` without which the duty is undecidable."""
+        """Inputs that the criterion needs; the duty is undecidable if a recording omits one.
+
+        The names are those of `model.trajectories.UNKNOWNS`, such as "weather" or "kinds".
+        """
         return frozenset()
 
     @property
     def conditional_inputs(self) -> frozenset[str]:
-        """Names of `UNKNOWNS` without which the duty is undecidable in some simulations."""
+        """Inputs, named as in `required_inputs`, that only some simulations need."""
         return frozenset()
 
     @property
     def believed_margins(self) -> Mapping[tuple[ManoeuvreKind, PerceivedVehicle], GapMargin]:
-        """Margins that the driver judges by its beliefs, by kind of decision and vehicle."""
+        """Margins to compare with the driver's beliefs, by kind of decision and other vehicle.
+
+        At such a decision the margin is computed from true and from believed gaps and speeds.
+        """
         return MappingProxyType({})
 
     @abstractmethod
@@ -144,7 +160,8 @@ class Criterion(ABC):
         """Alternative changes, each sufficient to keep the rule, all else unchanged.
 
         Returns:
-            The first remedy has the size of the margin. Empty where no change is known.
+            The largest change of the first remedy is as large as the margin. Empty where no change
+            is known.
         """
         del breach
         return ()
@@ -210,12 +227,12 @@ class Rule:
 
     @property
     def required_inputs(self) -> frozenset[str]:
-        """Names of `UNKNOWNS` without which the rule is undecidable."""
+        """`Criterion.required_inputs` of its criterion."""
         return self.criterion.required_inputs
 
     @property
     def conditional_inputs(self) -> frozenset[str]:
-        """Names of `UNKNOWNS` without which the rule is undecidable in some simulations."""
+        """`Criterion.conditional_inputs` of its criterion."""
         return self.criterion.conditional_inputs
 
     @property
@@ -230,11 +247,11 @@ class Pack:
 
     Attributes:
         name: Short name.
-        version: Changes whenever a verdict may.
-        two_way_version: The same for roads with oncoming traffic, added to `version` there.
+        version: Version of the readings; it changes whenever a verdict may change.
+        two_way_version: Suffix of `version` on roads with oncoming traffic.
         rules: The rules, in the order of every table.
         source: Id of the source of the texts, for rules that state none.
-        edition: Of the law, with the day on which it was read.
+        edition: Edition of the law, with the day on which it was read.
         severities: Provisions that make a breach light, serious or very serious.
         accepts_unread_articles: Whether a rule decides although its text was not read; otherwise
             the rule is undecidable.
