@@ -53,8 +53,8 @@ def case_from_trajectories(trajectories: Trajectories) -> Case:
         name: frames.astype(np.uint8) if name in _BYTE_FIELDS else frames
         for name, frames in frames_by_event.items()
     }
-    # A movement in the first frame of an excerpt began earlier. A simulation is no excerpt: a
-    # movement in its first frame begins there.
+    # An excerpt is a recording of real traffic, which began before the first frame: a movement in
+    # that frame began earlier. In a simulation it begins there.
     attempt = columns["attempt"]
     began_before_recording = np.where((attempt == 0) & trajectories.is_excerpt, attempt, NEVER)
     was_struck = _was_struck(trajectories, signals, columns["collision_slot"], columns["collision"])
@@ -74,8 +74,13 @@ def case_from_trajectories(trajectories: Trajectories) -> Case:
 def event_thresholds(trajectories: Trajectories) -> dict[str, Any]:
     """Thresholds of `event_detection.toml` and the lanes of the road, as the engine reads them.
 
-    Lengths are in metres, times in frames, angles in steps of 0.1 mrad. The keys are the names of
-    `EventThresholds` in the engine, which explains each; the file states the reasons of the values.
+    Lengths are in metres, times in frames, angles in steps of 0.1 mrad; the time gap is in seconds.
+    The keys are the names of `EventThresholds` in the engine, which explains each; the file states
+    the reasons of the values. A fast movement leads to the left by `min_advance` within `advance`
+    frames; in the `follow_up` frames after it the ego may still leave its lane or come back. A wide
+    movement leads `min_shift` away from the median position of the `window` frames before it, in
+    `min_frames` frames or more above `min_speed`. It is undone if the ego comes back to within
+    `settled_shift`. A corner is over a line if it is farther beyond it than `over_line`.
     """
     road, kind = trajectories.road, trajectories.scenario.vehicles.kind[:, EGO_SLOT]
 
@@ -85,7 +90,8 @@ def event_thresholds(trajectories: Trajectories) -> dict[str, Any]:
 
     advances = [constant(f"event_detection.attempt.advance.{kind.code}") for kind in VehicleKind]
     neighbour = road.overtaking_side_neighbour
-    # On a two-way road the ego overtakes in the opposing lane, which is left of its last lane.
+    # On a two-way road the ego overtakes in the opposing lane, which is left of its last lane. The
+    # neighbour may also be no lane, such as a hard shoulder.
     has_left_neighbour = neighbour is not None and neighbour.kind == "driving"
     return {
         "min_advance": np.array(advances)[kind],

@@ -75,9 +75,10 @@ def extract_signals_and_events(
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
     layouts = _array_layouts(trajectories, EgoSignals, (*SIGNALS_FOR_ENGINE, "accel"))
     zero_from = ArrayLayout("zero_from", trajectories.num_frames.shape, np.int32)
-    # A new `Buffers` object gets memory that no existing batch uses: either zeros, or the signals
-    # of a batch that was deleted. In both cases each row is zero from its frame `zero_from` on. The
-    # engine clears only the frames before it, which saves writes: most simulations end early.
+    # Signals are 0 after the end of a simulation. A new `Buffers` object gets memory that no
+    # existing batch uses: zeros, or the arrays of a deleted batch. `zero_from` is a part of this
+    # memory, the frame from which on each row is 0 already. The engine clears only frames before
+    # it, which saves writes: most simulations end early.
     outputs = Buffers().arrays("signals", (*layouts, zero_from))
     zero_from_frame = outputs.pop("zero_from")
     _core.ego_signals_and_events(
@@ -115,7 +116,9 @@ def _limit_sight_by_road(trajectories: Trajectories, outputs: ArraysByName) -> N
 
 
 def target_signals(trajectories: Trajectories, signals: EgoSignals, vehicle: U8) -> TargetSignals:
-    """Signals of the target of each simulation; those with a value per frame at their first use.
+    """Signals of the target of each simulation.
+
+    Signals with a value for each frame are computed when they are first read.
 
     Args:
         trajectories: The batch.
@@ -240,6 +243,7 @@ def _lanes_with_opposing_lane(trajectories: Trajectories) -> U8:
     """
     states, road = trajectories.states, trajectories.road
     outer_edge = float(lane_borders(road)[-1])
+    # `states.d` is in steps of `POSITION_RESOLUTION`, the border in metres.
     is_beyond_road = float(overtaking_sign(road)) * states.d > outer_edge / POSITION_RESOLUTION
     return states.lane + (is_beyond_road & (states.lane == road.num_lanes)).view(np.uint8)
 
@@ -272,11 +276,12 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
     effects, bodies = weather_effects(scenario), scenario.vehicles
     sight = effects.sight
     film = _mean_water_film(effects.film, path_factor=road_parameters(scenario.road).film_path)
+    # The rain rate only gives the shape (simulation,).
     lamp = np.full_like(effects.rain_rate, constant("weather.lamps.rear_position"))
     lamp_ratio = lamp / sight["lamp_threshold"]
     # The contrast of a vehicle of medium colour, which drivers also assume as they choose a speed.
     depth = sight["log_contrast_sensitivity_ahead"] + log(constant("model.speed_choice.contrast"))
-    # The inverse of an unlimited range is 0.
+    # The inverse range of the low beam; by day it is 0, the inverse of an unlimited range.
     inverse_limit = maximum(sight["inverse_lit_range"], np.float32(1.0) / attention_range)
     arrays = {
         "film": film,

@@ -122,8 +122,8 @@ def lateral_footprint(
     Args:
         road: The road.
         d: Recorded lateral position [mm].
-        heading: Recorded heading [0.1 mrad], and the direction of the road to subtract from it
-            [rad], as in `Trajectories.headings_and_origin`.
+        heading: Recorded heading [0.1 mrad], and the direction to subtract from it to get the angle
+            to the road [rad], as in `Trajectories.headings_and_origin`.
         length: Length of each vehicle [m].
         width: Width of each vehicle [m].
 
@@ -305,8 +305,8 @@ def is_in_lane(trajectories: Trajectories, lane: I32, frames: Frames) -> Mask:
 
     Args:
         trajectories: The batch.
-        lane: A lane index for each simulation, shape (simulation,). Indices from the number of
-            driving lanes on are beyond the road or in the opposing lane, and hold no vehicle.
+        lane: A lane index for each simulation, shape (simulation,). From the number of driving
+            lanes on it means the opposing lane or a place off the road; the result is then false.
         frames: A frame of each simulation, same shape.
     """
     rows = np.arange(len(frames))
@@ -347,6 +347,7 @@ def left_lane_occupancy(trajectories: Trajectories, frames: Frames) -> LeftLaneO
     centre = np.clip(s - s[:, [EGO_SLOT]], -limit, limit) * np.int32(2)
     front, rear = np.minimum(centre + length, limit), np.maximum(centre - length, -limit)
     length_within_reach = np.where(is_on_left, np.maximum(front - rear, np.int32(0)), np.int32(0))
+    # The lane within reach, ahead and behind, is 2 `limit` long.
     return LeftLaneOccupancy(
         occupancy=as_f32(length_within_reach.sum(axis=1, dtype=np.int32)) * np.float32(0.5 / limit),
         count=is_on_left.sum(axis=1, dtype=np.uint8),

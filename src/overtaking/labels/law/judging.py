@@ -1,7 +1,8 @@
 """Judge simulations by a rule or a pack of rules, and count breaches under a policy.
 
-A pack holds the rules of a law. A rule gives a finding for each simulation. A policy states which
-findings count and how strictly; each rule names the policies that require it.
+A pack holds the rules of a law. A rule gives a finding for each simulation: a verdict, and a margin
+that is negative in a breach. A policy states which findings count and how strictly; each rule names
+the policies that require it. The reproduced study is Pinto, Dutra and Fonseca (2023).
 """
 
 import dataclasses
@@ -70,6 +71,8 @@ def _judge_without_errors(rule: Rule, case: Case) -> Finding:
     If some kinds are unknown and the rule depends on them, it is undecidable in simulations in
     which the possible kinds lead to different verdicts.
     """
+    # The mask is None if all kinds are known. It is also None if no kind is known; then "kinds" is in
+    # `trajectories.unknown`, which `_judge_with_stated_kinds` and the criteria read.
     is_known = case.trajectories.is_kind_known
     if is_known is None or "kinds" not in rule.required_inputs | rule.conditional_inputs:
         return _judge_with_stated_kinds(rule, case)
@@ -84,9 +87,10 @@ def _judge_without_errors(rule: Rule, case: Case) -> Finding:
 def _cases_with_possible_kinds(case: Case) -> Iterator[Case]:
     """Yield the batch once for each kind, with all vehicles of unknown kind as that kind.
 
-    Rules distinguish these five kinds only; a medium car stands for all cars. A vehicle whose
-    length does not fit the kind becomes a car, except in the batch of trucks: the length in a
-    recording may be wrong. Mixtures of kinds are not tried.
+    Rules distinguish these five kinds only; a medium car stands for all cars. Every vehicle is tried
+    as a car and as a truck, whatever its length: where kind and length in a recording contradict
+    each other, the length may be wrong. Van, motorcycle and bicycle are tried only if the length
+    fits, a choice; otherwise the vehicle is a car in that batch. Mixtures of kinds are not tried.
     """
     trajectories = case.trajectories
     vehicles = trajectories.scenario.vehicles
@@ -100,6 +104,7 @@ def _cases_with_possible_kinds(case: Case) -> Iterator[Case]:
     ):
         fits = may_be_kind(kind, vehicles.length) | (kind == VehicleKind.TRUCK)
         assumed_kinds = np.where(fits, np.uint8(kind), car)
+        # `known_kinds` is `is_kind_known` as a mask that is never None.
         kinds = np.where(trajectories.known_kinds, vehicles.kind, assumed_kinds)
         scenario = trajectories.scenario.replace(vehicles=vehicles.replace(kind=kinds))
         yield case.replace(trajectories=trajectories.replace(scenario=scenario))
@@ -152,7 +157,7 @@ def _as_undecidable(finding: Finding) -> Finding:
     num_simulations = len(applies)
     margin = np.zeros(num_simulations, np.float32)
     never = np.full(num_simulations, NEVER)
-    # A doubtful margin of 0 is undecidable; a negative one would be a breach.
+    # In `finding_from_margins` a doubtful margin of 0 or more makes a verdict undecidable.
     return finding_from_margins(
         applies, margin, never, never, doubtful=np.ones(num_simulations, np.bool_)
     )
@@ -190,7 +195,7 @@ def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) 
     Returns:
         Arrays of shape (simulation, rule).
     """
-    # Some packs leave rules undecidable whose text of the law their authors did not read.
+    # A pack may leave a rule undecidable if its authors did not read the text of the law for it.
     deciding_codes = frozenset(rule.code for rule in pack.deciding_rules)
     rule_findings = [
         judge_rule(rule, case, errors)
@@ -275,7 +280,9 @@ _POLICIES = (
 `paper` has the rules and the five classes of the reproduced study. `default` adds rules that need
 weather and road, `strict` rules such as signalling and keeping right. `serious` and `enforced`
 require the rules of `default` but count fewer breaches: by the letter of the law nearly every
-overtake on a motorway is illegal, because the distance was too short for a moment.
+overtake on a motorway is illegal, because the distance was too short for a moment. They differ by
+the tolerances of the rules, which only `enforced` has: it counts breaches that are fined in
+practice.
 """
 
 STORED_POLICY_NAMES = ("paper", "default", "strict")

@@ -30,9 +30,10 @@ class RemedyQuantity(StrEnum):
     GAP_AHEAD = "gap_ahead", "m"  # Between the bumpers of the ego and a vehicle ahead.
     GAP_BEHIND = "gap_behind", "m"  # Between the bumpers of the ego and a vehicle behind.
     GAP_ONCOMING = "gap_oncoming", "m"  # Between the ego and a vehicle that comes towards it.
-    GAP_TO_RETURN = "gap_to_return", "m"  # Between the vehicles ahead of and behind the place.
+    GAP_TO_RETURN = "gap_to_return", "m"  # Between the two vehicles between which it returns.
     LATERAL_GAP = "lateral_gap", "m"  # Between the sides of ego and target.
-    CLEARANCE = "clearance", "m"  # From a body to where it breaks the rule about a line.
+    # From the side of a vehicle to the line that it must not cross; negative beyond the line.
+    CLEARANCE = "clearance", "m"
     SPEED = "speed", "m/s"  # Of the ego.
     LANES_LEFT = "lanes_left", "lanes"  # How many lanes to the left of the target the ego is.
     LANE = "lane", "lanes"  # Index of the ego's lane, 0 the slowest.
