@@ -1,4 +1,10 @@
-"""Surrogate measures of safety of each simulation, also against oncoming traffic."""
+"""Surrogate measures of safety of each simulation, also against oncoming traffic.
+
+An event is a frame of each simulation, `NEVER` (-1) if it does not occur. An instant is one frame
+of one simulation. An `Encounter` holds gap, closing speed and times to collision of the ego and a
+neighbour; `valid` is false without the neighbour. Left is the overtaking side, also in left-hand
+traffic.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields

@@ -220,8 +220,8 @@ def pack_recording(trajectories: Trajectories) -> dict[str, Any]:
         # None: every vehicle is recorded in every frame.
         is_recorded = drives_along.copy() if is_recorded is None else is_recorded & drives_along
     return {
-        **{name: with_adjacent_frames(values) for name, values in recorded.items()},
-        "is_recorded": None if is_recorded is None else with_adjacent_frames(is_recorded),
+        **{name: contiguous_in_time(values) for name, values in recorded.items()},
+        "is_recorded": None if is_recorded is None else contiguous_in_time(is_recorded),
         "num_frames": np.ascontiguousarray(trajectories.num_frames),
         **{name: _contiguous_row(getattr(bodies, name)) for name in ("valid", "length", "width")},
         # The engine has room for `MAX_LANES` lanes. If the ego's direction has that many, there is
@@ -376,7 +376,7 @@ def _array_layouts(
     )
 
 
-def with_adjacent_frames(values: NDArray[Any]) -> NDArray[Any]:
+def contiguous_in_time(values: NDArray[Any]) -> NDArray[Any]:
     """The values with consecutive frames next to each other in memory; a copy if they are not."""
     return values if values.strides[-1] == values.itemsize else np.ascontiguousarray(values)
 

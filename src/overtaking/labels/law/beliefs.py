@@ -132,6 +132,7 @@ def percept_at(case: Case, index: IndexArray, exists: Mask, time_ms: I32) -> Man
         exists: Whether there is such a decision, same shape.
         time_ms: Instant of the decision, same shape [ms].
     """
+    # The bounds matter only without a decision, where the time is arbitrary.
     frame = np.maximum(time_ms, 0) // case.signals.frame_interval_ms
     frame = np.minimum(frame, case.events.last)
     decel = decel_for_safe_distance(at_frame(case.signals.friction, frame))
@@ -149,5 +150,6 @@ def _last_percept(case: Case, kind: ManoeuvreKind, until: I32) -> ManoeuvrePerce
         is_candidate = np.zeros((len(until), 1), np.bool_)
     # Percepts are in the order of time: the last candidate is the first from the end.
     last = is_candidate.shape[1] - 1 - is_candidate[:, ::-1].argmax(axis=1)
+    # Without any percept in the batch there are no times; 0 stands for them.
     time = percepts.time[np.arange(len(last)), last] if percepts.time.shape[1] else until * 0
     return percept_at(case, last, np.asarray(is_candidate.any(axis=1)), time)

@@ -163,7 +163,8 @@ def scans(case: Case) -> ScanResults:
     """Results of the compiled scan over the spans that rules and features read."""
     events = case.events
     # The engine sums over the span "summed", for means: in simulations without an attempt, features
-    # of the reproduced paper are means over the frames up to a collision.
+    # of the reproduced paper (Pinto, Dutra and Fonseca, 2023) are means over all frames up to a
+    # collision. With an attempt the span is empty.
     last_summed = np.where(events.collision == NEVER, events.last, events.collision)
     last_summed = np.where(events.has_attempt, NEVER, last_summed).astype(np.int32)
     # The keys are the engine's names of its input spans, `_core.FIELD_NAMES["spans"]`.
@@ -188,6 +189,8 @@ def opposing_lane_span(case: Case) -> FrameSpan:
     never = np.full(len(span.first), NEVER)
     if not road.is_two_way:
         return FrameSpan(first=never + np.int32(1), last=never)  # Empty.
+    # Lateral positions in signals, such as `left_edge`, grow to the overtaking side. The offsets of
+    # lane boundaries grow to the left, in left-hand traffic the kerb side: there the sign is -1.
     line = np.float32(road.overtaking_sign * road.lane_boundaries[-1]) + LINE_TOLERANCE.f32
     rows = np.flatnonzero(span.is_nonempty)
     # `breach_frames_in` finds the first and last frame of any condition; to be over the line is not

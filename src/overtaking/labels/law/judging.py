@@ -71,8 +71,8 @@ def _judge_without_errors(rule: Rule, case: Case) -> Finding:
     If some kinds are unknown and the rule depends on them, it is undecidable in simulations in
     which the possible kinds lead to different verdicts.
     """
-    # The mask is None if all kinds are known. It is also None if no kind is known; then "kinds" is in
-    # `trajectories.unknown`, which `_judge_with_stated_kinds` and the criteria read.
+    # The mask is None if all kinds are known, and if no kind is known. In the second case "kinds"
+    # is in `trajectories.unknown`, which `_judge_with_stated_kinds` and the criteria read.
     is_known = case.trajectories.is_kind_known
     if is_known is None or "kinds" not in rule.required_inputs | rule.conditional_inputs:
         return _judge_with_stated_kinds(rule, case)
@@ -87,10 +87,11 @@ def _judge_without_errors(rule: Rule, case: Case) -> Finding:
 def _cases_with_possible_kinds(case: Case) -> Iterator[Case]:
     """Yield the batch once for each kind, with all vehicles of unknown kind as that kind.
 
-    Rules distinguish these five kinds only; a medium car stands for all cars. Every vehicle is tried
-    as a car and as a truck, whatever its length: where kind and length in a recording contradict
-    each other, the length may be wrong. Van, motorcycle and bicycle are tried only if the length
-    fits, a choice; otherwise the vehicle is a car in that batch. Mixtures of kinds are not tried.
+    Rules distinguish these five kinds only; a medium car stands for all cars. Every vehicle is
+    tried as a car and as a truck, whatever its length: where kind and length in a recording
+    contradict each other, the length may be wrong. Van, motorcycle and bicycle are tried only if
+    the length fits, a choice; otherwise the vehicle is a car in that batch. Mixtures of kinds are
+    not tried.
     """
     trajectories = case.trajectories
     vehicles = trajectories.scenario.vehicles

@@ -28,20 +28,21 @@ from overtaking.labels.law.numbers import (
 )
 from overtaking.labels.signals import (
     ArraysByName,
+    contiguous_in_time,
     pack_signals,
     packed_recording,
-    with_adjacent_frames,
 )
 from overtaking.labels.snapshots import FrameSpan
 from overtaking.model.overtake_events import NEVER
 from overtaking.model.verdicts import Belief, Case, Finding, Verdict
 
 MIN_RATE_OF_CHANGE = np.float32(0.1)
-"""A slower change of a gap or a lateral position counts as this fast in errors [m/s].
+"""Smallest rate of change of a gap or a lateral position in the error of an instant [m/s].
 
-The error of an instant is the error of a position over this rate: without a bound it would be
-infinite for a vehicle that hardly moves. The value is a choice, less than the lateral speed of
-a lane change; it limits the error of an instant to 10 s per metre of error of a position.
+An instant, such as the end of a return, has the error of a position over its rate of change.
+Without a bound this would be infinite for a vehicle that hardly moves. The value is a choice, less
+than the lateral speed of a lane change; it limits the error of an instant to 10 s per metre of
+error of a position.
 """
 
 SAME_MARGIN_M = np.float32(1e-3)
@@ -167,17 +168,18 @@ class ScanResults:
             the ego's rear was at the line crossing, `NEVER` if it does not.
         return_arrival: Frame in which the target reaches the station where the ego's rear was at
             the end of the return, `NEVER` if it does not.
-        worst_measures: Worst measures over `judged_span` by name, 0 without a vehicle. `leader` and
-            `follower` with the fields of `Encounter`; `time_headway`, `picud`, `rss_margin` and
-            `lawful_margin` to the leader; `num_close`, the frames below the lawful gap;
-            `num_critical`, the frames with a critical time to collision; `shortfall`, the sum over
-            these frames of the critical time to collision minus the actual one [s].
-        recorded_sums: Sums of recorded integers up to a collision by name, 0 in simulations with an
-            attempt: features are means over time only without one, else values at the attempt.
-            `frames` and `frames_with_leader` are numbers of frames. Over all frames `ego_speed`
-            [mm/s] and `left_count`, the number of vehicles in the lane to the left of the ego. Over
-            the frames with a leader `target_speed`, and the absolute `speed_difference` [mm/s] and
-            `distance` [mm] to the leader.
+        worst_measures: Worst measures over `judged_span` by name, 0 without a vehicle. The fields
+            of `Encounter` with a prefix, such as `leader.gap` and `follower.gap`; `time_headway`,
+            `picud`, `rss_margin` and `lawful_margin` to the leader; `num_close`, the number of
+            frames below the lawful gap; `num_critical`, the number of frames with a critical time
+            to collision; `shortfall`, the sum over these frames of the critical time to collision
+            minus the actual one [s].
+        recorded_sums: Sums of recorded integers over the frames up to a collision, by name, for
+            means over a simulation without an attempt; 0 with an attempt. `frames` and
+            `frames_with_leader` are numbers of frames. Sums over all these frames: `ego_speed`
+            [mm/s], and `left_count`, the number of vehicles in the lane to the left of the ego.
+            Sums over the frames with a leader: `target_speed`, the speed of the leader, and the
+            absolute `speed_difference` [mm/s] and `distance` [mm] between ego and leader.
     """
 
     stop_lit: MarginMinimum
@@ -198,8 +200,8 @@ def scan_spans(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
         case: The batch.
         spans: The spans to scan, by the names that `case.scans` gives them.
     """
-    # The engine's names of the rows of each array, in order. `moments` names events and, beside
-    # them, the slot of the target and the original lane; all are attributes of `case.events`.
+    # `_core.FIELD_NAMES` has the engine's names of the rows of each array, in order. `moments` are
+    # attributes of `case.events`: frames of events, slot of the target and original lane.
     count, names = case.signals.num_simulations, _core.FIELD_NAMES
     ends = [end for name in names["spans"] for end in (spans[name].first, spans[name].last)]
     moments = [getattr(case.events, name) for name in names["moments"]]
@@ -250,13 +252,14 @@ _LAW_NUMBERS = {
     "time_gap": RETURN_TIME_GAP,
     "free_time": RETURN_FREE_TIME,
     "return_range": RETURN_RANGE,
-    "allowed_braking": ABRUPT_BRAKING,
-    "max_braking": MAX_FORCED_BRAKING,
+    "allowed_braking": ABRUPT_BRAKING,  # The limit of the margin `forced_braking`.
+    "max_braking": MAX_FORCED_BRAKING,  # Larger forced braking counts as this.
     "rss_reaction_time": RSS_REACTION_TIME,
     "rss_accel": RSS_ACCEL,
     "rss_rear_decel": RSS_REAR_DECEL,
     "rss_leader_decel": RSS_LEADER_DECEL,
 }
+"""Numbers of `labels.law.numbers` that the scan reads, by the names of the engine."""
 
 _OTHER_NUMBERS = {
     "friction_floor": "friction.table.floor",  # The smallest friction coefficient of a tyre.
@@ -289,10 +292,10 @@ def reduce_span(reduction: np.ufunc, values: NDArray[Any], span: FrameSpan) -> N
     Returns:
         Shape (simulation,); undefined where the span is empty.
     """
-    first, is_nonempty = np.arange(len(values)) * values.shape[1], span.is_nonempty
+    row_begin, is_nonempty = np.arange(len(values)) * values.shape[1], span.is_nonempty
     index = np.empty(2 * len(values), np.intp)
-    index[::2] = first + np.where(is_nonempty, span.first, 0)
-    index[1::2] = first + np.where(is_nonempty, span.last + 1, 1)
+    index[::2] = row_begin + np.where(is_nonempty, span.first, 0)
+    index[1::2] = row_begin + np.where(is_nonempty, span.last + 1, 1)
     flat = values.reshape(-1)
     # `reduceat` reduces from each index to the next: every second result belongs to a span. It
     # accepts no index beyond the array, and the last span needs none.
@@ -363,14 +366,14 @@ def minimum_to_limit(
         limit: Limit in each frame, shape (simulation, time), in each simulation, shape
             (simulation,), or one for all.
         span: The judged frames.
-        is_most: Whether the limit is the largest lawful value, or the smallest one.
+        is_most: Whether the limit is the largest lawful value; otherwise it is the smallest one.
     """
     if limit.ndim == signal.ndim:
         signal, limit = signal - limit, np.float32(0.0)
     count = len(signal)
     low, frames = np.empty(count, np.float32), np.empty((3, count), np.int32)
     _core.limit_margins(
-        signal=with_adjacent_frames(signal),
+        signal=contiguous_in_time(signal),
         span=span.packed_ends,
         limit=np.full(count, limit, np.float32),
         is_maximum=is_most,
@@ -407,7 +410,7 @@ def flags_any_and_all(values: U8, span: FrameSpan) -> tuple[U8, U8]:
         Each of shape (simulation,).
     """
     out = np.empty((2, len(values)), np.uint8)
-    _core.flag_bits(values=with_adjacent_frames(values), span=span.packed_ends, out=out)
+    _core.flag_bits(values=contiguous_in_time(values), span=span.packed_ends, out=out)
     return out[0], out[1]
 
 

@@ -138,7 +138,8 @@ def deciding_frame(
     if not simulation.size:
         return deciding
     deviation = np.abs(margin(simulation, frames) - finding.margin[simulation])
-    # Sort by simulation, then by deviation, then by frame; `first` is the first of each simulation.
+    # Sort by simulation, then by deviation, then by frame; `first` is the index of the first
+    # instant of each simulation in this order.
     order = np.lexsort((frames, deviation, simulation))
     first = order[np.append(True, np.diff(simulation[order]) != 0)]
     deciding[simulation[first]] = frames[first]
@@ -197,9 +198,9 @@ def encounter_with_error(
 def lane_margin_error(distance: F32, errors: MeasurementErrors) -> F32:
     """Standard error of a margin in lanes [lanes].
 
-    The smallest margins are plus and minus half a lane. The error is half a lane where the centre
-    of a vehicle is one standard deviation from a lane border. A margin of half a lane is tested
-    against two errors, so it is undecidable within two standard deviations of the border.
+    Such a margin jumps from half a lane to minus half a lane as the centre of a vehicle crosses a
+    border. The error makes it undecidable, that is, smaller than two errors, while the centre is
+    within two standard deviations of the border.
 
     Args:
         distance: Distance of the centre from the border that decides, of either sign [m].

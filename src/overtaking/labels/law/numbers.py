@@ -1,7 +1,8 @@
 """Declaration of a number of the law, and the numbers that several rules share.
 
 A number without a source is a choice of this package; `why` states its reason. Each name is listed
-with value and reason in `docs/reference/rules.md`.
+with value and reason in `docs/reference/rules.md`. `stl-monitor` is a published monitor of highway
+rules (Maierhofer and others, IEEE IV 2020); its names, such as R_G1, stand in brackets.
 """
 
 from typing import Any

@@ -139,8 +139,8 @@ def gap_in_right_lane(case: Case, frame: Frames) -> F32:
     """Margin of the gap in the lane to the ego's right, negative where it is too small [m].
 
     It is the smallest of three margins: the gap behind minus the safe distance of the vehicle
-    behind, the gap ahead minus the safe distance of the ego, and the gap ahead minus the distance by
-    which it shrinks in `RETURN_FREE_TIME`. It lies between plus and minus `RETURN_RANGE`. A lane
+    behind, the gap ahead minus the safe distance of the ego, and the gap ahead minus the distance
+    by which it shrinks in `RETURN_FREE_TIME`. It lies between plus and minus `RETURN_RANGE`. A lane
     that does not exist counts as empty.
 
     Args:
@@ -166,9 +166,9 @@ def gap_between(speed: F32, decel: F32, ahead: Encounter, behind: Encounter) -> 
     """
     max_margin = RETURN_RANGE.f32
     gap_for_free_time = RETURN_FREE_TIME.f32 * ahead.closing_speed
-    # The compiled engine computes this margin for each frame. `maximum` and `minimum` of this package
-    # have its bits also for NaN and signed zeros; those of NumPy may differ. The engine does not
-    # compute the margins of an entry above, so they use NumPy's.
+    # The compiled engine computes this margin for each frame. `maximum` and `minimum` of this
+    # package have its bits also for NaN and signed zeros; those of NumPy may differ. The engine
+    # does not compute the margins of an entry above, so they use NumPy's.
     min_gap_ahead = maximum(lawful_gap(speed, ahead.closing_speed, decel), gap_for_free_time)
     min_gap_behind = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
     margin = np.full(len(speed), max_margin, np.float32)
