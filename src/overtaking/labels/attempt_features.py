@@ -334,6 +334,7 @@ def _opposing_lane_features(case: Case, frame: I32) -> OncomingState:
         closing_speed=closing_speed,
         time=np.maximum(gap, ZERO) / closing_speed,
         sight=available_sight(case, frame),
+        # This line separates the directions of travel.
         crossable=~is_solid_at(road, at_frame(case.signals.s, frame)),
     )
 

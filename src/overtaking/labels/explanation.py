@@ -1,4 +1,9 @@
-"""Reasons of the verdicts on one simulation: breaches, remedies, beliefs, margins by frame."""
+"""Reasons of the verdicts on one simulation: breaches, remedies, beliefs, margins by frame.
+
+A pack holds the rules of one law; a policy selects the rules that a legal overtake must not break.
+A percept records a decision of the ego's driver, to pull out or to return for example: true and
+believed gaps and closing speeds to the neighbours.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -66,16 +71,16 @@ class BelievedFinding:
 
 
 def believed_findings(case: Case, pack: Pack) -> tuple[BelievedFinding, ...]:
-    """Compare true and believed margins to the neighbours at the driver's decisions.
+    """Compare margins to the neighbours, by true and by believed values, at the driver's decisions.
 
     Args:
         case: A batch of one simulation.
         pack: The pack of rules.
 
     Returns:
-        One item for each neighbour that a rule judges at each decision, in the order of decisions.
-        Decisions to abort have no items, because no rule judges them. A recording that does not
-        state the driver's percepts has no items.
+        At each decision, one item for each neighbour to which a rule sets a margin, in the order of
+        decisions. Decisions to abort have no items, because no rule judges them. A recording that
+        does not state the driver's percepts has no items.
     """
     percepts = case.trajectories.percepts
     if "percepts" in case.trajectories.unknown:

@@ -164,6 +164,7 @@ def _worst_of_manoeuvre(case: Case, span: FrameSpan) -> dict[str, F32]:
 
     `ScanResults.worst_measures` describes the names, also `num_close` and `num_critical`.
     """
+    # In an empty span no frame bounds a smallest margin: it is infinite.
     results, no_frame = scans(case), np.float32(np.inf)
     frame_duration = np.float32(case.signals.frame_interval_ms / 1000.0)
     num_frames = np.maximum(span.last - span.first + 1, 1)
@@ -237,13 +238,14 @@ def _post_encroachment_time(case: Case, encroachment: _Encroachment) -> F32:
     rows = np.flatnonzero(has_both)
     slot = slot_or_ego(encroachment.vehicle[rows])
     begin, arrival_frame = encroachment.frame[rows], encroachment.arrival_frame[rows]
-    s, lengths = case.trajectories.states.s, half_length_sum(case.trajectories, rows, slot)
+    s, half_lengths = case.trajectories.states.s, half_length_sum(case.trajectories, rows, slot)
 
     def overshoot(frame: I32) -> F32:
-        """Distance of the front bumper beyond the place [m]."""
+        """Distance of the other's front bumper beyond the place, the ego's rear in `begin` [m]."""
         distance = as_f32(s[rows, slot, frame] - s[rows, EGO_SLOT, begin]) * METRES_PER_MM
-        return distance + lengths
+        return distance + half_lengths
 
+    # `NEVER` becomes `begin` here; `arrives` excludes these simulations below.
     arrival = np.maximum(arrival_frame, begin)
     is_in_lane = case.trajectories.states.lane[rows, slot, arrival] == encroachment.lane[rows]
     # The vehicle reaches the place between two frames, at constant speed. If it is there already in
@@ -306,7 +308,7 @@ def oncoming_measures(case: Case) -> PassingSafety:
     """The measures of a batch against oncoming traffic, NaN where they do not exist."""
     if not case.trajectories.road.is_two_way:
         return _no_measures(case.signals.num_simulations)
-    # Its first frame is the crossing of the centre line; `events.line_crossed` is the crossing of
+    # The span begins as the ego crosses the centre line; `events.line_crossed` is the crossing of
     # any line on the ego's left.
     span = opposing_lane_span(case)
     is_in_opposing_lane = span.is_nonempty
@@ -341,7 +343,7 @@ def oncoming_measures(case: Case) -> PassingSafety:
 
 
 def _no_measures(num_simulations: int) -> PassingSafety:
-    """The measures on a one-way road: flags false and numbers NaN, also after an abort."""
+    """The measures on a one-way road: numbers NaN, flags false (`was_aborted` in any case)."""
     columns: dict[str, Any] = {
         name: np.full(num_simulations, False if field.is_flag else _NAN)
         for name, field in batch_fields(PassingSafety).items()
