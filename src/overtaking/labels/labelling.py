@@ -180,6 +180,7 @@ def _overtake_classes(outcome: U8, detail: U8, legality: Legality, policy: Polic
     """
     is_undecided = (legality.num_undecidable > 0) & (not policy.allows_undecided)
     is_completed = outcome == Outcome.COMPLETED
+    # `OPEN_AT_HORIZON`: the recording ends during the overtake.
     is_censored = (detail == OutcomeDetail.OPEN_AT_HORIZON) & policy.censors_open
     has_departed = (
         np.isin(detail, (OutcomeDetail.DEPARTED, OutcomeDetail.SPUN)) & policy.names_departures

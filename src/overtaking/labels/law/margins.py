@@ -271,11 +271,11 @@ _OTHER_NUMBERS = {
 
 
 def _law_numbers(case: Case) -> dict[str, Any]:
-    usable = constant("friction.table.usable_share") * constant("model.nature.gravity")
+    decel_per_friction = constant("friction.table.usable_share") * constant("model.nature.gravity")
     return {
         **{name: float(number.f32) for name, number in _LAW_NUMBERS.items()},
         **{name: float(constant(path)) for name, path in _OTHER_NUMBERS.items()},
-        "decel_per_friction": float(usable),
+        "decel_per_friction": float(decel_per_friction),
         "regain_frames": num_frames_to_regain_gap(case),
         "obstruction_frames": num_frames_in(case, OBSTRUCTION_TIME.f32),
     }

@@ -3,7 +3,8 @@
 A rule judges a `Case`, a batch of recorded simulations, and gives a `Finding`: a verdict and a
 margin for each simulation. A margin is the distance from the limit of the rule, negative in a
 breach. A policy selects the rules that an overtake must not break to be legal. The study is Pinto,
-Dutra and Fonseca (2023), which this package reproduces; the policy `paper` has its rules.
+Dutra and Fonseca (2023), which this package reproduces: the policy `paper` has its rules, and the
+study's columns are those of its data.
 """
 
 from abc import ABC, abstractmethod
@@ -119,9 +120,9 @@ class Criterion(ABC):
 
     @property
     def believed_margins(self) -> Mapping[tuple[ManoeuvreKind, PerceivedVehicle], GapMargin]:
-        """Margins to compare with the driver's beliefs, by kind of decision and other vehicle.
+        """Margins of gaps about which the driver decides, by kind of decision and other vehicle.
 
-        At such a decision the margin is computed from true and from believed gaps and speeds.
+        Each is computed from true gaps and speeds, and from those that the driver believed.
         """
         return MappingProxyType({})
 
