@@ -174,9 +174,10 @@ V2 = Rule(
             ),
             town=ClassSpeedLimits(light=_TOWN_LIMIT, van=_TOWN_LIMIT, heavy=_TOWN_LIMIT),
         ),
-        # Steps of excess for cars outside built-up areas, from memory; `text_source` grades only the
-        # wording of the duty. An excess above the first number costs one point, above the second
-        # two. The catalogue has lower steps in towns and for trucks, which this reading leaves out.
+        # Steps of excess for cars outside built-up areas, from memory; `text_source` grades only
+        # the wording of the duty. An excess above the first number costs one point, above the
+        # second two. The catalogue has lower steps in towns and for trucks, which this reading
+        # leaves out.
         serious_excess=quantity(20.0, "km/h", "de-bkatv-recalled"),
         very_serious_excess=quantity(
             40.0, "km/h", "de-bkatv-recalled", why="Outside built-up areas"

@@ -153,6 +153,8 @@ class MarginMinimum:
 class ScanResults:
     """Results of the compiled scan over spans; arrays have shape (simulation,).
 
+    `judged_span`, `manoeuvre` and the other spans are functions of `labels.law.case`.
+
     Attributes:
         stop_lit: Distance at which the driver sees a lit vehicle minus the stopping distance, over
             `judged_span` [m].
@@ -198,15 +200,15 @@ def scan_spans(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
 
     Args:
         case: The batch.
-        spans: The spans to scan, by the names that `case.scans` gives them.
+        spans: The spans to scan, by their names in the engine; `labels.law.case.scans` lists them.
     """
     # `_core.FIELD_NAMES` has the engine's names of the rows of each array, in order. `moments` are
     # attributes of `case.events`: frames of events, slot of the target and original lane.
     count, names = case.signals.num_simulations, _core.FIELD_NAMES
     ends = [end for name in names["spans"] for end in (spans[name].first, spans[name].last)]
     moments = [getattr(case.events, name) for name in names["moments"]]
-    kinds = {"measures": np.float32, "frames": np.int32, "sums": np.int64}
-    outputs = {name: np.empty((len(names[name]), count), kind) for name, kind in kinds.items()}
+    dtypes = {"measures": np.float32, "frames": np.int32, "sums": np.int64}
+    outputs = {name: np.empty((len(names[name]), count), dtype) for name, dtype in dtypes.items()}
     _core.scan_spans(
         recording=packed_recording(case),
         signals=pack_signals(case.signals),

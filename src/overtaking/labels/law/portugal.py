@@ -104,8 +104,8 @@ L1 = Rule(
     grade=Grade.BY_ROAD,
     required_by=EVERY_POLICY,
     limit_phrase="the place one lane to the left of the overtaken vehicle",
-    # Article 37, not found, does not make this `RECALLED`: it has only exceptions, and the criterion
-    # applies none of them.
+    # Article 37, not found, does not make this `RECALLED`: it has only exceptions, and the
+    # criterion applies none of them.
     text_source=TextSource.SECONDARY,
     consulted_source="36(1) quoted by dinheirovivo.pt (2021); 38(3) and 42 read in the decree "
     "(pages 69, 70); 37 not found",
@@ -340,8 +340,8 @@ L14 = Rule(
     gloss="Adapt speed to road, weather and traffic, so that the vehicle can be stopped in the "
     "free and visible space ahead.",
     criterion=StoppingSightDistance(safe_distance_rule="L3"),
-    # Serious by Article 145(1)(e), a speed that does not fit the conditions. Article 146(h), by which
-    # other breaches are very serious on motorways, does not raise it.
+    # Serious by Article 145(1)(e), a speed that does not fit the conditions. Article 146(h), by
+    # which other breaches are very serious on motorways, does not raise it.
     grade=Grade.SERIOUS,
     # Not `paper`, whose columns contain no friction, nor `strict`, which requires L14s.
     required_by=DEFAULT_AND_STRICTER & ALL_BUT_STRICT,
