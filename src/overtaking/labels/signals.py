@@ -2,6 +2,11 @@
 
 This module packs recordings into arrays for the engine, and its results into batches.
 `tests/reference/labels` computes the same signals one frame after the other.
+
+The ego is the vehicle under study, its target the vehicle that it overtakes, and its neighbours are
+the nearest vehicles ahead and behind in its lane and in the two beside it. Left is the overtaking
+side, also in left-hand traffic. A slot is the number of a vehicle in its simulation. `sight_lit`
+and `sight_unlit` are the distances at which the ego's driver sees a lit and an unlit vehicle.
 """
 
 import math
@@ -50,6 +55,8 @@ SIGNALS_FOR_ENGINE = (
 """Signals that other compiled functions read, by name."""
 
 _NEIGHBOUR_SIGNAL_NAMES = ("gap", "closing_speed", "lateral_gap", "left_occupancy", "left_count")
+"""Signals that `_neighbour_signals` computes; the last two describe the lane to the left."""
+
 _PER_NEIGHBOUR = ("neighbour_slot", "gap", "closing_speed", "lateral_gap")
 """Signals of shape (simulation, neighbour, time)."""
 

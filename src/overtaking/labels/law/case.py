@@ -3,7 +3,8 @@
 A `Case` is a batch of simulations with signals, events and targets, one ego in each simulation. An
 event is a frame of each simulation, `NEVER` (-1) where it does not occur. A `FrameSpan` holds the
 first and last frame of a span in each simulation; it is empty where `last` is before `first`.
-`cached_per_batch` computes a result once for each case.
+`cached_per_batch` computes a result once for each case. A zone is a place where the law restricts
+overtaking, such as a bend, a crossing or a stretch with a sign.
 """
 
 from collections.abc import Callable, Iterable

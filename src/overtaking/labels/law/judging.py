@@ -35,8 +35,8 @@ def judge_rule(rule: Rule, case: Case, errors: MeasurementErrors | None = None) 
         errors: Standard errors of the measured positions and speeds; None for exact values.
 
     Returns:
-        The finding with its severity. It is undecidable where the rule needs an unknown input, and
-        where the margin is smaller than its expanded error.
+        The finding with its severity. It is undecidable where the rule needs an input that the
+        recording omits, and where the margin is smaller than two standard errors.
     """
     finding = _judge_without_errors(rule, case)
     if errors is None:
