@@ -1,7 +1,9 @@
 """Changes that would have kept a broken rule, and the breach from which they are computed.
 
-`Criterion.remedies` returns alternatives. So a function here that makes one remedy returns it in a
-tuple.
+`Criterion.remedies` returns a tuple of alternatives. So a function here that makes one remedy
+returns it in a tuple. The margin of a rule is the distance from its limit, negative in a breach.
+The ego is the vehicle under study, the target the vehicle that it overtakes; left is the overtaking
+side.
 """
 
 from dataclasses import dataclass
@@ -21,7 +23,7 @@ from overtaking.model.verdicts import Case
 from overtaking.world.road_surface import stoppable_speed
 
 NO_SPEED = np.float32(-1.0)
-"""Where no speed is lawful [m/s]."""
+"""Stands for a lawful speed where no speed is lawful [m/s]."""
 
 
 class RemedyQuantity(StrEnum):
@@ -30,17 +32,17 @@ class RemedyQuantity(StrEnum):
     GAP_AHEAD = "gap_ahead", "m"  # Between the bumpers of the ego and a vehicle ahead.
     GAP_BEHIND = "gap_behind", "m"  # Between the bumpers of the ego and a vehicle behind.
     GAP_ONCOMING = "gap_oncoming", "m"  # Between the ego and a vehicle that comes towards it.
-    GAP_TO_RETURN = "gap_to_return", "m"  # Between the two vehicles between which it returns.
+    GAP_TO_RETURN = "gap_to_return", "m"  # Between the vehicles that the ego returns between.
     LATERAL_GAP = "lateral_gap", "m"  # Between the sides of ego and target.
     # From the side of a vehicle to the line that it must not cross; negative beyond the line.
     CLEARANCE = "clearance", "m"
     SPEED = "speed", "m/s"  # Of the ego.
-    LANES_LEFT = "lanes_left", "lanes"  # How many lanes to the left of the target the ego is.
+    LANES_LEFT = "lanes_left", "lanes"  # Lanes by which the ego is left of the target.
     LANE = "lane", "lanes"  # Index of the ego's lane, 0 the slowest.
     TIME_OUT = "time_out", "s"  # Time outside the original lane while the return was due.
     ARRIVAL = "arrival", "s"  # Time until the next vehicle on the left is beside the ego.
     SIGHT = "sight", "m"  # Sight distance of the driver.
-    PLACE = "place", "m"  # From the ego, inside a forbidden place, to the nearer end of it.
+    PLACE = "place", "m"  # From the ego, where it must not overtake, to the nearer end.
     WIDTH = "width", "m"  # Of the lane on the left.
     UNSIGNALLED = "unsignalled", "s"  # Time without the indicator that is due.
     WRONG_LAMPS = "wrong_lamps", "s"  # Time with lamps that are wrong.
