@@ -1,7 +1,8 @@
 """Margins of the law at decisions of the ego's driver, by true and by believed values.
 
 A percept records a decision: gaps and closing speeds of the neighbours as they were, and as the
-driver believed them. For the belief, a vehicle that the driver had not noticed does not exist.
+driver believed them. For the belief, a vehicle that the driver had not noticed does not exist. An
+event such as `attempt` is a frame, `NEVER` (-1) if it does not occur.
 """
 
 from dataclasses import dataclass
