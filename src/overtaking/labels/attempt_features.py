@@ -96,7 +96,8 @@ def attempt_features_at(case: Case, frame: I32) -> AttemptFeatures:
     instants = Instants(np.arange(len(frame)), frame.astype(np.intp))
     surroundings, left = _surroundings(case, instants), _left_lane_features(case, instants)
     ego = _ego_state(case, instants)
-    # By Portuguese law. The bounds differ only where inputs are unknown; the column is null then.
+    # By Portuguese law. The two bounds differ only where inputs are unknown. The margin of the
+    # speed is null then, so either bound would do.
     _, highest_limit = speed_limit_bounds(case, GENERAL_LIMITS)
     leader = neighbour_at(case, NeighbourRole.LEADER, instants.frame)
     decel = decel_for_safe_distance(surroundings.friction)

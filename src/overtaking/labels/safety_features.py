@@ -61,7 +61,7 @@ from overtaking.model.verdicts import Case
 from overtaking.world.surrogate_safety import picud, rss_safe_gap, time_headway
 
 _EVENTS = MEASURED_MOMENTS[1:]
-"""The moments that are events; the first moment is the whole manoeuvre."""
+"""The moments that are events, such as `attempt`; the first moment is the whole manoeuvre."""
 
 _LEFT = (NeighbourRole.LEFT_LEADER, NeighbourRole.LEFT_FOLLOWER)
 
@@ -91,7 +91,7 @@ class _MomentTables:
     worst: Mapping[str, F32]
 
     def of_measure(self, name: str, values: NDArray[Any], cells: IndexArray) -> NDArray[Any]:
-        """A measure as a table; 0 at events that do not happen, where results are undefined.
+        """A measure as a table; 0 at events that do not happen.
 
         Args:
             name: Name of the measure in `worst`.
@@ -122,7 +122,8 @@ def safety_features(case: Case) -> SafetyMeasures:
     """
     span, signals = judged_span(case), case.signals
     frame_by_event = np.column_stack([getattr(case.events, name) for name in _EVENTS])
-    simulation, event = np.nonzero(frame_by_event != NEVER)  # Most events do not happen.
+    # Most events do not happen, so only those that happen are measured.
+    simulation, event = np.nonzero(frame_by_event != NEVER)
     instants = Instants(simulation, frame_by_event[simulation, event].astype(np.intp))
     cells = simulation * len(MEASURED_MOMENTS) + event + 1  # The manoeuvre is the first moment.
 
