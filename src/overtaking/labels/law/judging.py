@@ -281,9 +281,9 @@ _POLICIES = (
 `paper` has the rules and the five classes of the reproduced study. `default` adds rules that need
 weather and road, `strict` rules such as signalling and keeping right. `serious` and `enforced`
 require the rules of `default` but count fewer breaches: by the letter of the law nearly every
-overtake on a motorway is illegal, because the distance was too short for a moment. They differ by
-the tolerances of the rules, which only `enforced` has: it counts breaches that are fined in
-practice.
+overtake on a motorway is illegal, because the distance was too short for a moment. `enforced`
+counts breaches that are fined in practice: only it has tolerances, and its German rule of the
+distance is A2 instead of A1.
 """
 
 STORED_POLICY_NAMES = ("paper", "default", "strict")
