@@ -1,7 +1,8 @@
 """Criteria about ego and target side by side: side, lateral distance, speed of the target.
 
-`criteria` explains what all criteria share: cases, spans, beliefs, lanes, and errors (sp and sv are
-the standard deviations of a position and of a speed). `rule.Criterion` describes their methods.
+The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
+beliefs, lanes, and errors (sp and sv are the standard deviations of a position and of a speed).
+`rule.Criterion` describes their methods.
 """
 
 from dataclasses import dataclass
@@ -135,7 +136,8 @@ class PassingSide(Criterion):
             signed_lane(signals.lane)[0, frames].astype(int)
             for signals in (breach.case.signals, breach.case.target)
         )
-        # Right of the target's lane or in it, the ego must be farther to the left.
+        # Positive where the ego is left of the target. Right of the target's lane or in it, the ego
+        # must be farther to the left.
         lanes_left = ego_lane - target_lane
         needed = np.ones_like(lanes_left)
         lacking = needed - lanes_left
@@ -233,7 +235,7 @@ class LateralDistance(Criterion):
     ERROR_FORMULA: ClassVar[str] = "sqrt(2) sp"
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Two independent lateral positions; errors of widths are not modelled [m]."""
+        """Error of two independent lateral positions; widths are taken as exact [m]."""
         del case
         return np.full_like(finding.margin, np.sqrt(2.0) * errors.position_std)
 
@@ -307,8 +309,8 @@ class BicycleDistance(Criterion):
         frames_alongside = alongside(case)
         gap_share = np.full(len(finding.margin), UNCONSTRAINED)
         np.minimum.at(gap_share, frames_alongside.simulation, self._gap_share(frames_alongside))
-        # Both speeds of the ego have the same error. It leaves their difference and changes the
-        # divisor, the speed at the attempt.
+        # Both speeds of the ego have the same error. It changes only the divisor, the speed at the
+        # attempt, as it cancels in the difference.
         speed_error = np.abs(finding.margin) / _speed_at_attempt(case)
         speed_error = speed_error * np.float32(errors.speed_std)
         gap_error = np.float32(np.sqrt(2.0) * errors.position_std) / self.min_gap.f32
@@ -324,6 +326,7 @@ class BicycleDistance(Criterion):
         start_speed = speed[breach.case.events.attempt[0]]
         fastest = frames[int(speed[frames].argmax())]
         ((slower,),) = breach.remedy_ego_speed(fastest, start_speed)
+        # `by` is the needed value minus the actual one.
         changes = ((more_gap, more_gap.by > 0), (slower, slower.by < 0))
         return (tuple(change for change, is_lacking in changes if is_lacking),)
 

@@ -437,7 +437,7 @@ class GapForAnotherVehicle(Criterion):
         # A driver who is about to overtake may close up.
         has_duty = ego_may_be(case, VehicleKind.TRUCK) & ~case.events.has_attempt
         # The duty does not hold where sign 276 forbids overtaking, from the sign on: the approach
-        # is 0 m. The distance of the ego is negative within such a stretch.
+        # is 0 m. The ego's distance from such a stretch is negative within it.
         bans = zone_intervals(case, [ZoneKind.NO_OVERTAKING], approach_length=lambda _: 0.0)
         is_judged = _has_settled_leader(case) & has_duty[:, None]
         is_judged &= distance_to_intervals(case, bans) >= 0.0
@@ -500,6 +500,7 @@ class SlowVehicleDistance(Criterion):
         # This duty has no exception after a cut-in, unlike the other distances: all frames in which
         # the ego is driven are judged.
         span = judged_span(case)
+        # Without a duty the last frame is before the first: the span is empty.
         span = FrameSpan(first=span.first, last=np.where(has_duty, span.last, span.first - 1))
         simulation, frame = span.instants()
         is_judged = signals.speed[simulation, frame] <= self.max_speed.f32
@@ -528,7 +529,7 @@ class SlowVehicleDistance(Criterion):
 def _is_narrow_road_outside_towns(case: Case) -> bool:
     """Whether the road has one lane each way and may lie outside built-up areas."""
     trajectories = case.trajectories
-    road = trajectories.road
+    road = trajectories.road  # `num_lanes` counts the lanes in the ego's direction.
     is_in_town = road.kind == "town" and "road_kind" not in trajectories.unknown
     return road.is_two_way and road.num_lanes == 1 and not is_in_town
 

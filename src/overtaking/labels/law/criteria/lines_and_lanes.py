@@ -113,7 +113,7 @@ class SolidLines(Criterion):
         return np.full_like(finding.margin, errors.position_std)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """No distance over the line."""
+        """The body at most `LINE_TOLERANCE` over the line, where the margin is 0."""
         return single_change(RemedyQuantity.CLEARANCE, breach.margin, 0.0)
 
 
@@ -125,7 +125,8 @@ def solid_borders(road: Road) -> dict[int, tuple[bool, bool]]:
         left. Border 0 is the slow edge, border k the left border of lane k - 1.
     """
     marks = [(lane.right_mark, lane.left_mark) for lane in road.lanes]
-    # Right is the slow side here; the marks of a lane are named by their geometric sides.
+    # Each pair: slow side, overtaking side. Right is the slow side in this module, but lanes name
+    # their marks by geometric sides.
     if road.driving_side is not DrivingSide.RIGHT:
         marks = [(left, right) for right, left in marks]
     borders = {}
@@ -141,6 +142,7 @@ def solid_borders(road: Road) -> dict[int, tuple[bool, bool]]:
 
 def is_solid_at(road: Road, s: F32) -> Mask:
     """Whether the left line of the fastest lane is continuous for this lane at station `s` [m]."""
+    # Each mark begins at its station and ends at the next; the first begins at minus infinity.
     stations, marks = zip(*road.overtaking_edge_marks, strict=True)
     is_solid = np.array([mark in _SOLID_MARKS for mark in marks])
     return is_solid[np.searchsorted(np.array(stations), s, side="right") - 1]
@@ -186,11 +188,12 @@ def _distances_to_border(
         return on_left
     if border == road.num_lanes:
         return np.where(is_solid_at(road, signals.s[rows]), on_right, UNCONSTRAINED)
-    # Both are negative while the body is over the line.
+    # Both are negative while the body is over the line; else the positive one is the distance.
     distance = np.maximum(on_right, on_left)
     from_right, from_left = sides
     if from_right and from_left:
         return distance
+    # An ego from the other side may cross: for it, the distance is positive.
     came_from_right = _came_from_right(on_right >= 0, on_left >= 0)
     return np.where(came_from_right == from_right, distance, np.abs(distance))
 
@@ -254,7 +257,8 @@ def _left_lane_width(case: Case) -> F32:
     neighbour = road.overtaking_side_neighbour
     is_driving_lane = neighbour is not None and neighbour.kind == "driving"
     width_beyond = neighbour.width if neighbour is not None and is_driving_lane else 0.0
-    # Row k has the lane on the left of lane k, so lane 0 is left out.
+    # Element k has the lane on the left of lane k, so lane 0 is left out. Codes of lanes beyond
+    # the driving lanes read the last element.
     widths = np.array([lane.width for lane in road.lanes[1:]] + [width_beyond], np.float32)
     return widths[np.minimum(case.events.original_lane, len(widths) - 1)]
 
@@ -304,8 +308,8 @@ class RightmostLanesForTrucks(Criterion):
         # next, so that no margin is 0.
         margin[rows] = num_open_lanes - HALF - fastest
         breaches = np.flatnonzero(margin[rows] < 0)
-        is_too_fast = lane[breaches] >= num_open_lanes
-        first, last, longest = breach_frames_in(span, rows[breaches], is_too_fast)
+        is_in_closed_lane = lane[breaches] >= num_open_lanes
+        first, last, longest = breach_frames_in(span, rows[breaches], is_in_closed_lane)
         return finding_from_margins(applies, margin, first, last, longest=longest)
 
     ERROR_FORMULA: ClassVar[str] = "0.5 sp / distance from the border that decides"

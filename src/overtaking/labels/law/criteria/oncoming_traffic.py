@@ -81,6 +81,7 @@ class GapAtReturn(Criterion):
         if not case.trajectories.road.is_two_way:
             return finding_not_applicable(case.signals.num_simulations)
         frame, others = _return_frame(case), _others_at_return(case)
+        # Where the ego never returns, `frame` is `NEVER`, and the rule does not apply.
         has_crossed_line = case.events.line_crossed != NEVER
         margin = self._margins(case, others).min(axis=1)
         return finding_at_frame(frame, margin, has_crossed_line & others.is_approaching.any(axis=1))
@@ -98,7 +99,7 @@ class GapAtReturn(Criterion):
             measured = _oncoming_with_errors(others, ego_error, oncoming_error)
             return self._margins(case, measured, ego_error.speed).min(axis=1)
 
-        return error_from_vehicles(margin_with, 2, errors)
+        return error_from_vehicles(margin_with, num_vehicles=2, errors=errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A larger gap to the oncoming vehicle with the smallest margin."""
@@ -192,7 +193,7 @@ class TimeToPass(Criterion):
         ego_speed = at_frame(case.signals.speed, opposing_lane_span(case).last)
         closing_speed = ego_speed + others.speed[simulation, slot]
         delay_error = closing_speed * return_time_error(case, errors)
-        gap_error = error_from_vehicles(margin_with, 2, errors)
+        gap_error = error_from_vehicles(margin_with, num_vehicles=2, errors=errors)
         return np.sqrt(gap_error * gap_error + delay_error * delay_error)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -240,7 +241,11 @@ def _speed_at(case: Case, frame: I32, error: F32 | None) -> F32:
 def _oncoming_with_errors(
     others: OtherVehicles, ego_error: StateError, oncoming_error: StateError
 ) -> OtherVehicles:
-    """Oncoming vehicles as they would have been measured with errors."""
+    """Oncoming vehicles as they would have been measured with errors.
+
+    Errors of positions are positive in the ego's direction, errors of speeds in the direction of
+    each vehicle.
+    """
     return replace(
         others,
         gap=others.gap + oncoming_error.position - ego_error.position,
@@ -267,10 +272,11 @@ def _more_gap_to_oncoming(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoOncomingReaction(Criterion):
-    """While the ego is in the opposing lane, the next oncoming driver need not react.
+    """While the ego is in the opposing lane, it does not force the next oncoming driver to react.
 
-    There is no standard error. Constant errors of positions and speeds do not change a recorded
-    acceleration; a lateral error, by which a vehicle may seem to leave its lane, is neglected.
+    A reaction is abrupt braking or leaving the lane. There is no standard error. Constant errors of
+    positions and speeds do not change a recorded acceleration; a lateral error, by which a vehicle
+    may seem to leave its lane, is neglected.
 
     Attributes:
         max_meeting_time: Oncoming vehicles that the ego meets later, at the speeds of both, do not
@@ -304,6 +310,7 @@ class NoOncomingReaction(Criterion):
             return finding_not_applicable(case.signals.num_simulations)
         oncoming = self._nearest_oncoming(case)
         limit = ABRUPT_BRAKING.f32
+        # Negative while the vehicle brakes.
         accel = as_f32(trajectories.states.accel_lon[oncoming]) * METRES_PER_MM
         margin = limit + accel
         has_left_lane = distance_over_outer_edge(case, oncoming) > LINE_TOLERANCE.f32
@@ -337,7 +344,7 @@ class NoOncomingReaction(Criterion):
         )
 
     def _nearest_oncoming(self, case: Case) -> VehicleInstants:
-        """The nearest oncoming vehicle in each frame, in order.
+        """The nearest oncoming vehicle in each frame of `opposing_lane_span`, in order.
 
         Frames without a vehicle that is met within `max_meeting_time` are left out.
         """
@@ -354,6 +361,8 @@ class NoOncomingReaction(Criterion):
 def distance_over_outer_edge(case: Case, oncoming: VehicleInstants) -> F32:
     """Distance of oncoming bodies beyond the outer edge of their lane, on the ego's far left.
 
+    Lateral positions grow to the ego's left.
+
     Args:
         case: The batch, with a two-way road.
         oncoming: The vehicles and frames.
@@ -365,7 +374,7 @@ def distance_over_outer_edge(case: Case, oncoming: VehicleInstants) -> F32:
     centre, _ = lateral_position_and_gap(trajectories, case.signals, oncoming)
     width = trajectories.scenario.vehicles.width[oncoming.simulation, oncoming.slot]
     left_edge = centre + width * HALF
-    return left_edge - lane_borders(trajectories.road)[-1]
+    return left_edge - lane_borders(trajectories.road)[-1]  # The leftmost border of the road.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -395,7 +404,7 @@ class GapToReturnInto(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The gap as the line is crossed decides."""
+        """The gap in the frame in which the ego crosses the line decides."""
         if not case.trajectories.road.is_two_way:
             return finding_not_applicable(case.signals.num_simulations)
         frame, gap = opposing_lane_span(case).first, _return_gap(case)
@@ -422,7 +431,7 @@ class GapToReturnInto(Criterion):
             )
             return _return_gap_margin(measured, decel)
 
-        return error_from_vehicles(margin_with, 2, errors)
+        return error_from_vehicles(margin_with, num_vehicles=2, errors=errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A larger gap between the two vehicles."""

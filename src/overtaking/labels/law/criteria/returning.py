@@ -102,7 +102,7 @@ class SafeReturn(Criterion):
 
     @property
     def believed_margins(self) -> Mapping[tuple[ManoeuvreKind, PerceivedVehicle], GapMargin]:
-        """The margins to both vehicles at the decision to return."""
+        """The margins to both vehicles in the lane that is entered, at the decision to return."""
         return MappingProxyType(
             {
                 (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_FOLLOWER): entry_margin_behind,
@@ -261,7 +261,7 @@ class ReturnDelay(Criterion):
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A return within the lawful time."""
-        return change_by_margin(breach, RemedyQuantity.TIME_OUT, self.max_delay.f32)
+        return change_by_margin(breach, RemedyQuantity.TIME_OUT, limit=self.max_delay.f32)
 
 
 def _begin_error(case: Case, errors: MeasurementErrors) -> F32:
@@ -280,7 +280,7 @@ def _begin_error(case: Case, errors: MeasurementErrors) -> F32:
 
     # A lower bound on the opening speed keeps the error finite where the gap hardly opens.
     opening_speed = np.maximum(ego_speed - target.speed, MIN_RATE_OF_CHANGE)
-    error = error_from_vehicles(margin_with, 2, errors) / opening_speed
+    error = error_from_vehicles(margin_with, num_vehicles=2, errors=errors) / opening_speed
     return np.where(target.valid, error, np.float32(0.0))
 
 
@@ -294,6 +294,7 @@ def _end_error(case: Case, errors: MeasurementErrors) -> F32:
     ends_within_span = (first != NEVER) & (end_frame <= span_after_passing(case).last)
     # `end_frame` and the frame before it must exist. Where they did not, the result is dropped.
     end_frame = np.maximum(np.minimum(end_frame, case.events.last), 1)
+    # `gap_in_right_lane` is the gap beyond the distances that a return needs [m].
     gap_lost = gap_in_right_lane(case, end_frame - 1) - gap_in_right_lane(case, end_frame)
     frame_duration = seconds_of(case, np.ones_like(end_frame))
     loss_rate = np.maximum(np.abs(gap_lost) / frame_duration, MIN_RATE_OF_CHANGE)
@@ -335,9 +336,9 @@ class RightLaneUse(Criterion):
         )
 
     def check(self, case: Case) -> Finding:
-        """The gap in the lane to the right, with the opposite sign, is the margin.
+        """The missing space in the lane to the right is the margin.
 
-        A free lane to the right is a breach, so a missing gap is a positive margin.
+        Not to use a free lane is the breach, so free space makes the margin negative.
         """
         frame = case.events.first
         lane = at_frame(case.signals.lane, frame)
@@ -345,7 +346,8 @@ class RightLaneUse(Criterion):
         # of oncoming traffic or off the road.
         has_right_lane = (lane > 0) & (lane < case.trajectories.road.num_lanes)
         applies = has_right_lane & (last_driven_frame(case) >= frame)
-        # At `NEVER` no gap is looked up, as the rule does not apply.
+        # Where the rule does not apply, no gap is looked up.
+        # `gap_in_right_lane` is a margin: the gap beyond the distances that a return needs.
         margin = -gap_in_right_lane(case, np.where(applies, frame, NEVER))
         return finding_at_frame(frame, margin, applies)
 
@@ -406,7 +408,7 @@ def _error_between_neighbours(
             encounter_with_error(second, ego_error, second_error, is_ahead=not is_first_ahead),
         )
 
-    return error_from_vehicles(margin_with, 3, errors)
+    return error_from_vehicles(margin_with, num_vehicles=3, errors=errors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -451,7 +453,7 @@ class NoForcedBraking(Criterion):
                 encounter_with_error(follower, ego_error, follower_error, is_ahead=False)
             )
 
-        return error_from_vehicles(margin_with, 2, errors)
+        return error_from_vehicles(margin_with, num_vehicles=2, errors=errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A gap to the follower at which it need not brake hard."""

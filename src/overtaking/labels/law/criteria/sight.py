@@ -103,7 +103,7 @@ class StoppingSightDistance(Criterion):
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """The highest speed from which the ego stops within its sight."""
         frames = breach.frames
-        # Friction at the actual speed. At a lower speed it is no smaller.
+        # Friction at the actual speed. At a lower speed it is no smaller, so the stop succeeds.
         decel = decel_with_all_grip(breach.case.signals.friction[0, frames])
         sight = self._sight(breach.case)[0, frames]
         max_speed = stoppable_speed(sight, as_f32(STOPPING_REACTION_TIME.f32), decel)
@@ -157,8 +157,8 @@ class MinimumSightDistance(Criterion):
         """The frame with the smallest sight decides, or the line crossing on two-way roads."""
         span, road = _span_until_passed(case), case.trajectories.road
         if not (road.is_two_way or road.course or self.is_for_unlit_obstacles):
-            # The air is the same in all frames, so one comparison serves a whole simulation, and
-            # a breach lasts for the whole span.
+            # A road without a course hides nothing, and the air is the same in all frames: one
+            # comparison serves a whole simulation, and a breach lasts for the whole span.
             minimum = MarginMinimum(
                 min_margin=meteorological_range(case) - self.min_sight.f32,
                 first_frame=span.first,
@@ -198,8 +198,9 @@ class MinimumSightDistance(Criterion):
         signals, road = case.signals, case.trajectories.road
         if self.is_for_unlit_obstacles:
             return signals.sight_unlit
-        # The carriageway counts, not other vehicles: their lamps are seen beyond 50 m in all
-        # weather of the package, so a rule about them could not be broken.
+        # The carriageway counts, not other vehicles: their lamps are seen beyond 50 m, the
+        # Portuguese `min_sight`, in all weather of the package, so a rule about them could not be
+        # broken.
         sight_in_air = np.broadcast_to(meteorological_range(case)[:, None], signals.speed.shape)
         if road.course is None:  # The road hides nothing.
             return sight_in_air
@@ -249,7 +250,7 @@ class PassingSightDistance(Criterion):
 
 
 def _inputs_for_sight(*, is_unlit: bool) -> frozenset[str]:
-    """Names of `UNKNOWNS` on which the sight of an obstacle depends."""
+    """Names of `trajectories.UNKNOWNS` on which the sight of an obstacle depends."""
     return frozenset(["weather", "lamps"] if is_unlit else ["weather"])
 
 
@@ -271,8 +272,9 @@ def _passing_sight_predicate(clearance_time: Quantity) -> str:
 def _passing_sight_margin(case: Case, clearance_time: Quantity) -> F32:
     """Sight distance at the line crossing minus `_required_passing_sight`, (simulation,) [m].
 
-    Air and road limit this sight distance. The range of attention does not: oncoming vehicles are
-    lit, or visible by day, and a driver who overtakes looks as far as the overtake needs.
+    Air and road limit this sight distance. The distance to which drivers look ahead in other
+    situations does not: oncoming vehicles are lit, or visible by day, and a driver who overtakes
+    looks as far as the overtake needs.
     """
     return available_sight(case, _crossing_frame(case)) - _required_passing_sight(
         case, clearance_time
@@ -296,8 +298,8 @@ def _required_passing_sight(case: Case, clearance_time: Quantity) -> F32:
 def _required_clear_time(case: Case, clearance_time: Quantity) -> F32:
     """Time for which the opposing lane must be clear, shape (simulation,) [s].
 
-    The ego's time on the left plus the clearance. The time on the left counts as 0 for an ego that
-    does not return.
+    The ego's time on the left, from the line crossing to the end of the return or abort, plus the
+    clearance. For an ego that does not return this time is unknown and counts as 0.
     """
     events = case.events
     return_frame = np.where(events.return_end != NEVER, events.return_end, events.abort_end)
@@ -313,7 +315,10 @@ def _crossing_frame(case: Case) -> I32:
 
 
 def _is_passing_sight_margin(case: Case, margin: F32 | float, clearance_time: Quantity) -> Mask:
-    """Whether `_passing_sight_margin` is this margin, (simulation,); false on one-way roads."""
+    """Whether `_passing_sight_margin` equals `margin`, so that it decided; false on one-way roads.
+
+    Shape (simulation,).
+    """
     if not case.trajectories.road.is_two_way:
         return np.zeros(case.signals.num_simulations, np.bool_)
     return np.abs(_passing_sight_margin(case, clearance_time) - margin) < SAME_MARGIN_M

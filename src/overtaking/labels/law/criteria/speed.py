@@ -200,7 +200,9 @@ def _speed_error(finding: Finding, errors: MeasurementErrors) -> F32:
 class MinimumSpeed(Criterion):
     """On a motorway, the ego is fast enough unless other traffic is slow.
 
-    Frames in congestion, and frames in which the ego follows a slow leader, are no breach.
+    Frames in congestion, and frames in which the ego follows a slow leader, are no breach. Frames
+    at a lawful speed keep their margin, also in congestion. The numbers from `stl-monitor` are
+    from a published monitor of traffic rules.
 
     Attributes:
         min_speed: Lowest lawful speed.
@@ -212,7 +214,7 @@ class MinimumSpeed(Criterion):
 
     min_speed: Quantity
     congestion_speed: Quantity = quantity(
-        2.78, "m/s", "stl-monitor", why="10 km/h, below which it counts vehicles of a congestion"
+        2.78, "m/s", "stl-monitor", why="10 km/h; slower vehicles count as congested there"
     )
     congestion_min_vehicles: Quantity = quantity(3.0, "vehicle", "stl-monitor")
     queue_time_gap: Quantity = quantity(
@@ -283,7 +285,7 @@ class MinimumSpeed(Criterion):
         return _speed_error(finding, errors)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """The lowest lawful speed, in the frame in which the ego was slowest."""
+        """The lowest lawful speed, in the frame that decided."""
         min_speed = self.min_speed.f32
         margins = breach.case.signals.speed[0, breach.frames] - min_speed
         return breach.remedy_ego_speed(breach.frame_of_margin(margins), min_speed)
