@@ -37,6 +37,7 @@ def concatenate_facts(parts: Sequence[FactColumns], num_arguments: int) -> FactC
 
 
 FactMeasurement = Callable[[FactSource], FactColumns]
+"""Function from the recordings of some simulations to the columns of one predicate."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

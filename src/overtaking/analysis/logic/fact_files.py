@@ -48,7 +48,7 @@ ArgumentPattern = tuple[str | None, ...]
 """The required constant of each argument of a predicate; None for any value."""
 
 DEFAULT_FRAME_STEP = 10
-"""Interval between the frames with positions [frames]."""
+"""Interval between the frames with positions [frames]: a choice, 0.1 s in simulations."""
 
 FILE_ENDINGS = {"asp": ".lp", "prolog": ".pl"}
 """The languages of facts, and the endings of their files."""
@@ -56,12 +56,12 @@ FILE_ENDINGS = {"asp": ".lp", "prolog": ".pl"}
 PROGRAM_FOLDER = Path(__file__).with_name("programs")
 
 SIMULATIONS_PER_FILE = 1000
-"""Range of simulation numbers in one file; a reasoner loads a file at a time."""
+"""Range of simulation numbers in one file, a choice; a reasoner loads a file at a time."""
 
 _PROGRAMS_OF_LANGUAGE = {"asp": ("theory.lp", "law.lp"), "prolog": ("theory.pl",)}
 
 _FACTS_PER_STATEMENT = 100
-"""Largest number of facts in one pool, which clingo reads faster than single facts."""
+"""Largest number of facts in one pool, which clingo reads faster than single facts; a choice."""
 
 _STRING = pa.large_string()
 
@@ -79,6 +79,7 @@ class RequestedFacts:
     @property
     def roles(self) -> frozenset[str]:
         """The constants of `ROLE` that are requested in every frame."""
+        # These two predicates have a role and facts for every frame.
         patterns = [*self.patterns.get("spacing", ()), *self.patterns.get("forced_braking", ())]
         roles = {pattern[1] for pattern in patterns}  # After the number of the simulation.
         # None, any value, requests all roles.
@@ -129,6 +130,7 @@ def measure_road_facts(group: SimulationGroup, requested: RequestedFacts) -> dic
     Returns:
         For each predicate the columns of its arguments; constants as their codes.
     """
+    # Facts of the road do not depend on the step.
     return _measure_requested(ROAD_FACTS, group, requested, DEFAULT_FRAME_STEP)
 
 
@@ -180,7 +182,7 @@ def fact_lines(columns: Mapping[str, FactColumns]) -> bytes:
     """
     parts: list[bytes] = []
     for name, arguments in columns.items():
-        lines = _join_arguments(FACTS[name], arguments, f"{name}(", ").\n")
+        lines = _join_arguments(FACTS[name], arguments, prefix=f"{name}(", suffix=").\n")
         # The buffers of an array of strings are validity, offsets and the joined text.
         parts.append(lines.buffers()[2].to_pybytes() if len(lines) else b"")
     return b"".join(parts)
@@ -196,7 +198,7 @@ def pooled_facts(group: SimulationGroup, requested: RequestedFacts, frame_step: 
     columns |= measure_simulation_facts(group, requested, frame_step=frame_step)
     lines: list[str] = []
     for name, arguments in columns.items():
-        facts = _join_arguments(FACTS[name], arguments, "", "").to_pylist()
+        facts = _join_arguments(FACTS[name], arguments, prefix="", suffix="").to_pylist()
         lines += [
             f"{name}({';'.join(facts[first : first + _FACTS_PER_STATEMENT])})."
             for first in range(0, len(facts), _FACTS_PER_STATEMENT)

@@ -140,7 +140,7 @@ class FactSource:
         One frame in `frame_step`, the last frame, and all frames in which lanes, order or events
         change. Conclusions about these changes then have the same frame for every step.
         """
-        events, valid = self.case.events, self.signals.valid
+        events, valid = self.case.events, self.signals.valid  # Recorded frames.
         frame = np.arange(valid.shape[1])
         is_written = (frame % self.frame_step == 0) | (frame == events.last[:, None])
         # With a step of 1 every frame is written already.
@@ -205,6 +205,7 @@ def _frames_with_new_order(source: FactSource) -> Mask:
             # half a length may end in half a millimetre.
             distance = np.int32(2) * (s[:, a] - s[:, b])
             lengths = (length[:, a] + length[:, b])[:, None]
+            # 1 where a is wholly ahead of b, -1 where it is wholly behind, 0 where they overlap.
             order = (distance >= lengths).astype(np.int8) - (distance <= -lengths)
             has_new_order |= _changed_frames(order, is_near[:, a] & is_near[:, b])
     return has_new_order

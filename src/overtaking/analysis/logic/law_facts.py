@@ -1,7 +1,8 @@
 """Measurements of the ego in every frame; only the logic program of the law, `law.lp`, reads them.
 
-The program decides on breaches; no fact here is a verdict. Approaching vehicles are oncoming
-vehicles that are still ahead of the ego (`FactSource.approaching`).
+The program decides on breaches; no fact here is a verdict. Values are in mm, mm/s and mm/s^2, the
+units of recorded states; the signals of the ego are in m, m/s and m/s^2. Approaching vehicles are
+oncoming vehicles that are still ahead of the ego (`FactSource.approaching`).
 
 A fact is a predicate with values, such as `ego_speed(7,120,27500)`. The keywords of the
 decorator `fact` are the arguments of the predicate with their types. The function below it returns
@@ -100,6 +101,7 @@ def _ego_edges(source: FactSource) -> FactColumns:
     Lawful=MM,
 )
 def _spacing(source: FactSource) -> FactColumns:
+    # `roles` are the roles that the requested rules read; an ego may have several neighbours.
     # Sorted, because the order of a set of strings differs between processes, but the order of
     # facts must not.
     codes = sorted(ROLE.constants.index(role) for role in source.roles)

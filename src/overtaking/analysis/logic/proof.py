@@ -90,6 +90,7 @@ class Proof(ContentEquality):
 
 def title_of(rule: str) -> str:
     """Code, title and article of a rule by its name in the program, such as `l12`."""
+    # The constants of `RULE` are the codes in lower case, in the same order.
     rule_of_law = PORTUGAL.rule(RULE_CODES[RULE.constants.index(rule)])
     return f"{rule_of_law.code}, {rule_of_law.title} ({rule_of_law.article})"
 
@@ -108,11 +109,12 @@ def prove_breaches(
         ConfigError: The reasoner exceeds its time or memory.
         MissingExtraError: clingo is not installed.
     """
+    # None stands for any simulation and any rule of the law.
     needed = rules_needed_by([("illegal", (None,) * 2)], rules_of_program("law.lp"))
     instance_rules = [_instance_rule(index, rule) for index, rule in enumerate(needed.rules)]
     program = needed.program + "\n".join(rule.text for rule in instance_rules)
     predicates = ((_INSTANCE_PREDICATE, 4),)
-    # The law does not read the facts with positions, so their frames are as few as possible.
+    # The law does not read the facts with positions: the largest frame step makes fewest of them.
     facts = pooled_facts(group, needed.requested_facts, MAX_FRAME)
     with Reasoner(program, predicates, timeout_s=timeout_s, memory_mib=memory_mib) as reasoner:
         rows = reasoner.solve(facts)
@@ -267,7 +269,7 @@ class _Derivation:
 
 
 def _ground_atom(term: Any) -> GroundAtom:
-    """The atom from the worker's value: a list, or the name of an atom without arguments."""
+    """The atom from the reasoner's value: a list, or the name of an atom without arguments."""
     return tuple(term) if isinstance(term, list) else (term,)
 
 

@@ -153,6 +153,8 @@ def parse_query(text: str) -> Query:
     _check_sums(tree)
     names = list(answer_variables(tree.body))
     head = f"{ANSWER_PREDICATE}({','.join(names)})" if names else ANSWER_PREDICATE
+    # The lines of the condition are its own, as in `_parse_condition`: clingo's positions then have
+    # the columns of the query.
     rules = (*rules_for_queries(), *parse_rules(f"{head} :-\n{condition}\n."))
     any_values = (None,) * len(names)
     needed = rules_needed_by([(ANSWER_PREDICATE, any_values)], rules)
@@ -203,6 +205,7 @@ def _check_depth(text: str) -> None:
     """Refuse brackets nested so deeply that a parser could fail."""
     depth = 0
     for character in text:
+        # A bar of an absolute value `|X|` opens or closes it; both count as opening, to be safe.
         depth += (character in "([{|") - (character in ")]}")
         if depth > MAX_DEPTH:
             raise query_error("more", f"at most {MAX_DEPTH} brackets within each other")
@@ -220,6 +223,7 @@ def _parse_condition(condition: str) -> Any:
     except RuntimeError:
         message = clingo_message(messages, condition)
         raise query_error(message, "a condition in clingo's language") from None
+    # The parser adds a statement `#program base.`.
     rules = [tree for tree in trees if node_kind(tree) != "Program"]
     if len(rules) != 1 or node_kind(rules[0]) != "Rule":
         raise query_error(f"{len(rules)} statements", "one condition")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from overtaking.analysis.logic.reasoner_process import ReasonerSettings
     from overtaking.analysis.logic.vocabulary import Signature
 
-# Default limits of a query of `overtaking ask`; a `Reasoner` by itself returns all rows.
+# Default limits of a query of `overtaking ask`, choices. A `Reasoner` by itself returns all rows.
 MAX_ROWS = 10_000
 TIMEOUT_S = 600.0
 MEMORY_MIB = 2048

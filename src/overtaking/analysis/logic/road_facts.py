@@ -1,5 +1,7 @@
 """Facts about the road, which all simulations of a data set share.
 
+Lengths are in mm, speeds in mm/s. Left is the overtaking side, also in left-hand traffic.
+
 A fact is a predicate with values, such as `lane_width(0,3500)`. The keywords of the
 decorator `fact` are the arguments of the predicate with their types. The function below it returns
 one column of integers for each argument, with a row for each fact.
@@ -92,6 +94,8 @@ def _posted_limit(source: FactSource) -> FactColumns:
 def _lower_limits(source: FactSource) -> FactColumns:
     course = source.road.course
     limits = course.speed_limits_for(direction=1) if course else ()
+    # The program tests `From <= X < To` with a whole `X`: ends that are rounded up give the same
+    # result as unrounded ones.
     table = np.array([(limit.start, limit.stop, limit.speed) for limit in limits]).reshape(-1, 3)
     return (
         _first_position_from(table[:, 0]),
@@ -134,6 +138,8 @@ def _lane_widths(source: FactSource) -> FactColumns:
     lanes, neighbour = list(source.road.lanes), source.road.overtaking_side_neighbour
     if neighbour is not None and neighbour.kind == "driving":
         lanes.append(neighbour)
+    # As float32, in which the criterion compares them. The law has a lower limit, so a width is
+    # rounded down.
     widths = np.array([lane.width for lane in lanes], np.float32)
     return np.arange(len(lanes)), rounded_down_thousandths(widths)
 
@@ -152,9 +158,10 @@ def _lane_marks(source: FactSource) -> FactColumns:
     facts: list[tuple[int, int, int]] = []
     for index, lane in enumerate(road.lanes):
         slow_mark, fast_mark = _side_marks(road, lane)
-        # A lane has its marks as seen from inside: the slow line from the left, and the fast line,
-        # which is the slow line of the next lane, from the right. The line on the fast side of the
-        # last lane is left out if it changes along the road: the predicate `line` then has it.
+        # A lane has its marks as seen from inside: the slow line from its left, the overtaking
+        # side, and the fast line, which is the slow line of the next lane, from its right. The line
+        # on the fast side of the last lane is left out if it changes along the road: the predicate
+        # `line` then has it.
         facts.append((index, SIDES.index("left"), _mark_code(slow_mark)))
         if index + 1 < road.num_lanes or not _has_varying_edge_mark(road):
             facts.append((index + 1, SIDES.index("right"), _mark_code(fast_mark)))
@@ -210,6 +217,7 @@ def _zones(source: FactSource) -> FactColumns:
     zones = all_zones_for(source.road, direction=1)
     codes = [ZONE_KIND.constants.index(zone.kind.name.lower()) for zone in zones]
     ends = np.array([(zone.start, zone.stop) for zone in zones]).reshape(-1, 2)
+    # To the nearest: an end moves by at most half a millimetre.
     return (
         np.array(codes, np.int64),
         nearest_thousandths(ends[:, 0]),

@@ -90,6 +90,8 @@ def _nights(source: FactSource) -> FactColumns:
     return (source.simulation_ids[source.trajectories.scenario.weather.night],)
 
 
+# The criteria in Python have given the classes; the program of the law, `law.lp`, draws conclusions
+# of its own, with which they can be compared.
 @fact(
     SIMULATION_FACTS,
     "class",
@@ -99,8 +101,10 @@ def _nights(source: FactSource) -> FactColumns:
     Class=CLASS,
 )
 def _classes(source: FactSource) -> FactColumns:
+    # Codes of shape (simulation, policy), with columns in the order of `POLICY`: a column's number
+    # is the code of its policy.
     classes = source.group.classes
-    if classes is None:
+    if classes is None:  # The recordings are not labelled.
         return no_facts(3)
     num_simulations, num_policies = classes.shape
     policy = np.tile(np.arange(num_policies), num_simulations)

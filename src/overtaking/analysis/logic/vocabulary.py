@@ -87,6 +87,9 @@ MAX_FRAME = 1_000_000
 MAX_MM = 500_000_000
 MAX_SPEED = 200_000
 
+# Each type has a name, a meaning, and its smallest and largest value. A road has at most 8 driving
+# lanes (`model.road.MAX_LANES`); other large ends are choices.
+
 SIMULATION = ArgumentType("simulation", "number of a simulation in its data set", 0, 10**9)
 VEHICLE = ArgumentType("vehicle", "slot of a vehicle, 0 for the ego", 0, MAX_VEHICLES - 1)
 LANE = ArgumentType("lane", "lane index, 0 for the slowest, -1 beyond the slow edge", -1, 16)

@@ -1,8 +1,8 @@
 """Criteria about the begin of an overtake, and about the vehicles that it must not endanger.
 
-`criteria` explains what all criteria share: cases, spans, beliefs of the driver, lanes, and errors
-(sp and sv are the standard deviations of a position and of a speed, dv is the closing speed).
-`rule.Criterion` describes their methods.
+The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
+beliefs of the driver, lanes, and errors (sp and sv are the standard deviations of a position and of
+a speed, dv is the closing speed). `rule.Criterion` describes their methods.
 """
 
 from collections.abc import Mapping
@@ -89,7 +89,7 @@ class GapAhead(Criterion):
     """As the line is crossed, the gap to the leader in the lane on the left is lawful.
 
     Attributes:
-        min_ttc: Smallest lawful time to collision with it.
+        min_ttc: Smallest lawful time to collision with this leader.
         safe_distance_rule: Code of the rule of the same law that states the safe distance, for the
             sentence of `predicate`; the formula is the same in all laws.
     """
@@ -142,6 +142,7 @@ class GapAhead(Criterion):
         allowed = np.minimum(
             max_following_speed(gap, leader_speed, decel), leader_speed + gap / self.min_ttc.f32
         )
+        # A negative gap is an overlap of the bodies, which is unlawful at any speed.
         allowed = np.where(gap < 0, NO_SPEED, allowed)
         larger_gap = more_gap(breach, neighbour, breach.first_frame, breach.margin)
         return *larger_gap, *breach.remedy_slower_ego(frames, allowed)
@@ -330,7 +331,7 @@ class SpeedAdvantage(Criterion):
     ERROR_FORMULA: ClassVar[str] = "sqrt(2) sv"
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Two independent speeds [m/s]."""
+        """Error of the difference of two independent speeds [m/s]."""
         del case
         return np.full_like(finding.margin, np.sqrt(2.0) * errors.speed_std)
 
@@ -439,6 +440,7 @@ class NoOtherOvertaking(Criterion):
         # Where no follower moves left, a follower with unknown indicators may still indicate, so a
         # kept rule is in doubt. `finding_at_frame` decides doubtful breaches all the same.
         is_doubtful = np.any(is_follower, axis=1) & ("indicators" in case.trajectories.unknown)
+        # The arrays have a row for each attempt; `to_batch` puts them into the rows of the batch.
         to_batch = partial(scatter, simulations=has_attempt, num_simulations=len(has_attempt))
         return finding_at_frame(
             case.events.attempt,
@@ -474,7 +476,8 @@ class NoOtherOvertaking(Criterion):
         return scatter(error, has_attempt, len(has_attempt))
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
-        """A later arrival of the next vehicle on the left; it is 0 s for one that has begun."""
+        """A later arrival of the next vehicle on the left."""
+        # Of a follower that has begun to pull out, the actual arrival is 0 s, as in `check`.
         needed = self.min_arrival.f32
         actual = float(needed) + breach.margin
         return single_change(RemedyQuantity.ARRIVAL, actual, needed, breach.first_frame)
@@ -489,6 +492,7 @@ class NoOtherOvertaking(Criterion):
         # `ego_lead` is positive for vehicles behind the ego.
         is_behind = others.valid & ~others.is_oncoming & (others.ego_lead > 0)
         is_follower = is_behind & (others.lane == ego_lane) & (others.gap <= self.reach.f32)
+        # Lane 255, beyond the slow edge, wraps to lane 0.
         return is_follower, is_behind & (others.lane == ego_lane + 1)
 
     def _has_begun_to_pull_out(self, case: Case, others: OtherVehicles, is_follower: Mask) -> Mask:
@@ -516,7 +520,7 @@ class NoOtherOvertaking(Criterion):
         ego_speed = case.signals.speed[simulation, case.events.attempt[simulation], None]
         closing_speed = others.speed - ego_speed
         is_closing = is_left_follower & (closing_speed > 0)
-        gap = maximum(others.gap, np.float32(0.0))
+        gap = maximum(others.gap, np.float32(0.0))  # A vehicle that overlaps has arrived.
         time = gap / np.where(is_closing, closing_speed, np.float32(1.0))
         return np.where(is_closing & (time < longest), time, longest).min(axis=1)
 
@@ -616,8 +620,8 @@ def denoised_lateral_speed_at(
         vehicles: The vehicles and frames.
         limit: The speed with which it is compared [m/s].
     """
-    # `unknown` names the inputs that are not recorded: none in simulations. Recordings of real
-    # traffic never have the stage of the ego (following, pulling out, ...).
+    # `unknown` names the inputs that are not recorded. Only simulations have all: recordings of
+    # real traffic never have the stage of the ego (following, pulling out, ...).
     if not trajectories.unknown:
         return lateral_speed_at(trajectories, vehicles)
     interval = trajectories.scenario.frame_interval_ms

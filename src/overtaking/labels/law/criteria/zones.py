@@ -113,6 +113,8 @@ class NoOvertakingZones(Criterion):
     def check(self, case: Case) -> Finding:
         """The smallest distance from a place, or of the target from the line, decides."""
         trajectories = case.trajectories
+        # A one-way road without a course has no zones. A road of unknown kind may be two-way: the
+        # rule then applies, and is undecidable, because `road_kind` is a required input.
         if not (
             trajectories.road.is_two_way
             or trajectories.road.course
@@ -223,13 +225,13 @@ class NoOvertakingSigns(Criterion):
         # A vehicle of unknown kind counts as a kind that the sign concerns: the rule then applies,
         # and is undecidable, because `kinds` is a required input.
         has_target = case.target.slot != NO_VEHICLE
-        has_several_tracks = target_may_be(case, bicycle=False) & ~_target_is_motorcycle(case)
+        is_no_two_wheeler = target_may_be(case, bicycle=False) & ~_target_is_motorcycle(case)
         applies_by_sign = {
-            ZoneKind.NO_OVERTAKING: has_several_tracks & has_target,
+            ZoneKind.NO_OVERTAKING: is_no_two_wheeler & has_target,
             ZoneKind.NO_OVERTAKING_HEAVY: ego_may_be(case, VehicleKind.TRUCK) & has_target,
         }
         if self.exempts_two_wheelers:
-            applies_by_sign[ZoneKind.NO_OVERTAKING_HEAVY] &= has_several_tracks
+            applies_by_sign[ZoneKind.NO_OVERTAKING_HEAVY] &= is_no_two_wheeler
         if self.has_sign_for_motorcycles:
             applies_by_sign[ZoneKind.NO_OVERTAKING_MOTORCYCLE] = (
                 ego_may_be(case, VehicleKind.MOTORCYCLE) & has_target
@@ -408,5 +410,8 @@ def _zone_margin_error(
 
 
 def _overtake_elsewhere(breach: BreachContext) -> tuple[Remedy]:
-    """One remedy: overtake outside the place, beyond the end to which the ego was nearer."""
+    """One remedy: overtake outside the place, beyond the end to which the ego was nearer.
+
+    The margin is minus the distance to that end.
+    """
     return single_change(RemedyQuantity.PLACE, -breach.margin, 0.0)
