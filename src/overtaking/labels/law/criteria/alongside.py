@@ -154,10 +154,10 @@ class PassingSide(Criterion):
         worst = int(np.where(is_exempt, 0, lacking).argmax())
         return single_change(
             RemedyQuantity.LANES_LEFT,
-            lanes_left[worst],
-            float(needed[worst]),
-            frames[worst],
-            breach.target_slot,
+            actual=lanes_left[worst],
+            needed=float(needed[worst]),
+            frame=frames[worst],
+            slot=breach.target_slot,
         )
 
     def _is_in_queue(self, case: Case, simulation: IndexArray, frame: IndexArray) -> Mask:
@@ -373,7 +373,7 @@ class TargetSpeed(Criterion):
         limit = self.max_accel.f32
         frame = breach.frame_of_margin(limit - breach.case.target.accel[0, breach.frames])
         return change_by_margin(
-            breach, RemedyQuantity.TARGET_ACCEL, limit, frame, breach.target_slot
+            breach, RemedyQuantity.TARGET_ACCEL, limit=limit, frame=frame, slot=breach.target_slot
         )
 
 
@@ -393,5 +393,9 @@ def _more_lateral_gap(breach: BreachContext, needed: np.float32) -> tuple[Remedy
     gaps = breach.case.target.lateral_gap[0, frames]
     nearest = int(gaps.argmin())
     return single_change(
-        RemedyQuantity.LATERAL_GAP, gaps[nearest], needed, frames[nearest], breach.target_slot
+        RemedyQuantity.LATERAL_GAP,
+        actual=gaps[nearest],
+        needed=needed,
+        frame=frames[nearest],
+        slot=breach.target_slot,
     )

@@ -137,7 +137,7 @@ class SafeDistance(Criterion):
         frames = _judged_frames(breach)
         margins = margins_to_neighbour(breach, _LEADER, frames, margin_to_leader)
         worst, too_near_frames = int(margins.argmin()), frames[margins < 0]
-        larger_gap = more_gap(breach, _LEADER, frames[worst], margins[worst])
+        larger_gap = more_gap(breach, _LEADER, frames[worst], margin=margins[worst])
         gap, closing_speed = gap_and_closing_speed(breach, _LEADER, too_near_frames)
         leader_speed = breach.case.signals.speed[0, too_near_frames] - closing_speed
         decel = decel_for_safe_distance(breach.case.signals.friction[0, too_near_frames])
@@ -304,7 +304,7 @@ class FinedTimeDistance(Criterion):
         gap, speed = signals.gap[0, _LEADER, frames], signals.speed[0, frames]
         missing_gap = self._min_gap(speed) - gap
         worst = int(missing_gap.argmax())
-        return more_gap(breach, _LEADER, frames[worst], -missing_gap[worst])
+        return more_gap(breach, _LEADER, frames[worst], margin=-missing_gap[worst])
 
     def _margins(
         self,
@@ -587,7 +587,7 @@ def _larger_gap(
     """
     margins = breach.case.signals.gap[0, _LEADER, frames] - min_gap
     frame = frames[int(np.abs(margins - breach.margin).argmin())]
-    return more_gap(breach, _LEADER, frame, breach.margin)
+    return more_gap(breach, _LEADER, frame, margin=breach.margin)
 
 
 def _margins_behind_leader(case: Case, margin: F32) -> F64:

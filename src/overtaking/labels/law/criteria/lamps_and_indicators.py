@@ -112,7 +112,7 @@ class IndicatorUse(Criterion):
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """No time without the indicator."""
-        return change_by_margin(breach, RemedyQuantity.UNSIGNALLED, 0.0)
+        return change_by_margin(breach, RemedyQuantity.UNSIGNALLED, limit=0.0)
 
     def _unsignalled_instants(
         self, case: Case, crossing: I32, indicator: int
@@ -212,7 +212,7 @@ class Lamps(Criterion):
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """No time with wrong lamps."""
-        return change_by_margin(breach, RemedyQuantity.WRONG_LAMPS, 0.0)
+        return change_by_margin(breach, RemedyQuantity.WRONG_LAMPS, limit=0.0)
 
     def _due_lamps(self, case: Case) -> "_DueLamps":
         """The lamps that are due or unlawful at night or in this weather."""

@@ -114,7 +114,7 @@ class SolidLines(Criterion):
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """The body at most `LINE_TOLERANCE` over the line, where the margin is 0."""
-        return single_change(RemedyQuantity.CLEARANCE, breach.margin, 0.0)
+        return single_change(RemedyQuantity.CLEARANCE, actual=breach.margin, needed=0.0)
 
 
 def solid_borders(road: Road) -> dict[int, tuple[bool, bool]]:
@@ -248,7 +248,12 @@ class WidthForOvertaking(Criterion):
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A lane on the left that is wide enough."""
         width = float(_left_lane_width(breach.case)[0])
-        return single_change(RemedyQuantity.WIDTH, width, width - breach.margin, breach.first_frame)
+        return single_change(
+            RemedyQuantity.WIDTH,
+            actual=width,
+            needed=width - breach.margin,
+            frame=breach.first_frame,
+        )
 
 
 def _left_lane_width(case: Case) -> F32:
@@ -334,7 +339,12 @@ class RightmostLanesForTrucks(Criterion):
         """The fastest lane that is open to trucks."""
         lanes = signed_lane(breach.case.signals.lane)[0, breach.frames]
         worst, fastest_open = int(lanes.argmax()), int(self.num_open_lanes.f32) - 1
-        return single_change(RemedyQuantity.LANE, lanes[worst], fastest_open, breach.frames[worst])
+        return single_change(
+            RemedyQuantity.LANE,
+            actual=lanes[worst],
+            needed=fastest_open,
+            frame=breach.frames[worst],
+        )
 
     def _is_on_wide_motorway(self, case: Case) -> bool:
         """Whether the road is or may be a motorway with enough lanes for the rule."""

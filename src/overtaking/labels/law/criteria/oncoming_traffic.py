@@ -266,7 +266,11 @@ def _more_gap_to_oncoming(
     slot = int(margins[0].argmin())
     gap = float(others.gap[0, slot])
     return single_change(
-        RemedyQuantity.GAP_ONCOMING, gap, gap - breach.margin, breach.first_frame, slot
+        RemedyQuantity.GAP_ONCOMING,
+        actual=gap,
+        needed=gap - breach.margin,
+        frame=breach.first_frame,
+        slot=slot,
     )
 
 
@@ -330,17 +334,17 @@ class NoOncomingReaction(Criterion):
         if excursion[farthest] > LINE_TOLERANCE.f32 and decel[hardest] <= 2.0 * limit:
             return single_change(
                 RemedyQuantity.EVASION,
-                excursion[farthest],
-                0.0,
-                frame[farthest],
-                int(slot[farthest]),
+                actual=excursion[farthest],
+                needed=0.0,
+                frame=frame[farthest],
+                slot=int(slot[farthest]),
             )
         return single_change(
             RemedyQuantity.ONCOMING_BRAKING,
-            decel[hardest],
-            limit,
-            frame[hardest],
-            int(slot[hardest]),
+            actual=decel[hardest],
+            needed=limit,
+            frame=frame[hardest],
+            slot=int(slot[hardest]),
         )
 
     def _nearest_oncoming(self, case: Case) -> VehicleInstants:
@@ -437,7 +441,10 @@ class GapToReturnInto(Criterion):
         """A larger gap between the two vehicles."""
         gap = float(_return_gap(breach.case).length[0])
         return single_change(
-            RemedyQuantity.GAP_TO_RETURN, gap, gap - breach.margin, breach.first_frame
+            RemedyQuantity.GAP_TO_RETURN,
+            actual=gap,
+            needed=gap - breach.margin,
+            frame=breach.first_frame,
         )
 
 

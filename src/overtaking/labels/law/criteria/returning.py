@@ -167,7 +167,7 @@ class SafeReturn(Criterion):
             has_neighbour = breach.case.signals.neighbour_slot[0, neighbour, frame] != NO_VEHICLE
             margin = margins_to_neighbour(breach, neighbour, np.array([frame]), margin_of_gap)[0]
             if has_neighbour and margin < 0:
-                (remedy,) = more_gap(breach, neighbour, frame, margin)
+                (remedy,) = more_gap(breach, neighbour, frame, margin=margin)
                 changes += remedy
         return (tuple(changes),)
 
@@ -364,7 +364,9 @@ class RightLaneUse(Criterion):
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """One lane to the right."""
         lane = int(breach.case.signals.lane[0, breach.first_frame])
-        return single_change(RemedyQuantity.LANE, lane, lane - 1, breach.first_frame)
+        return single_change(
+            RemedyQuantity.LANE, actual=lane, needed=lane - 1, frame=breach.first_frame
+        )
 
 
 def _gap_in_right_lane_error(case: Case, frame: I32, errors: MeasurementErrors) -> F32:
@@ -467,7 +469,7 @@ class NoForcedBraking(Criterion):
         # with the largest missing gap is taken.
         has_margin = np.isclose(limit - forced, breach.margin)
         worst = int(np.where(has_margin, needed_gap - gap, -np.inf).argmax())
-        return more_gap(breach, neighbour, frames[worst], gap[worst] - needed_gap[worst])
+        return more_gap(breach, neighbour, frames[worst], margin=gap[worst] - needed_gap[worst])
 
 
 def _is_after_lane_change(case: Case) -> Mask:

@@ -336,4 +336,6 @@ def _required_sight_error(
 def _more_sight(breach: BreachContext, needed: np.float32) -> tuple[Remedy]:
     """One remedy: the sight that the law requires [m]."""
     actual = float(needed) + breach.margin
-    return single_change(RemedyQuantity.SIGHT, actual, needed, breach.first_frame)
+    return single_change(
+        RemedyQuantity.SIGHT, actual=actual, needed=needed, frame=breach.first_frame
+    )

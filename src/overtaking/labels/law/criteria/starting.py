@@ -144,7 +144,7 @@ class GapAhead(Criterion):
         )
         # A negative gap is an overlap of the bodies, which is unlawful at any speed.
         allowed = np.where(gap < 0, NO_SPEED, allowed)
-        larger_gap = more_gap(breach, neighbour, breach.first_frame, breach.margin)
+        larger_gap = more_gap(breach, neighbour, breach.first_frame, margin=breach.margin)
         return *larger_gap, *breach.remedy_slower_ego(frames, allowed)
 
     def _margin(self, gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
@@ -202,7 +202,7 @@ class GapBehind(Criterion):
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A larger gap to the new follower, or a higher speed where the law allows it."""
         case, frame, neighbour = breach.case, breach.first_frame, NeighbourRole.LEFT_FOLLOWER
-        larger_gap = more_gap(breach, neighbour, frame, breach.margin)
+        larger_gap = more_gap(breach, neighbour, frame, margin=breach.margin)
         frames = np.array([frame])
         gap, closing_speed = gap_and_closing_speed(breach, neighbour, frames)
         follower_speed = case.signals.speed[0, frames] + closing_speed
@@ -283,7 +283,7 @@ class CalmFollower(Criterion):
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """A larger gap to the vehicle behind."""
-        return more_gap(breach, self._role, breach.first_frame, breach.margin)
+        return more_gap(breach, self._role, breach.first_frame, margin=breach.margin)
 
     @property
     def _role(self) -> NeighbourRole:
@@ -378,7 +378,9 @@ class SightForTrucks(Criterion):
         """The range that the law asks for; a driver can only wait for it."""
         needed = self.min_range.f32
         actual = float(needed) + breach.margin
-        return single_change(RemedyQuantity.SIGHT, actual, needed, breach.first_frame)
+        return single_change(
+            RemedyQuantity.SIGHT, actual=actual, needed=needed, frame=breach.first_frame
+        )
 
 
 _MOVING_OUT_SPEED = quantity(
@@ -480,7 +482,9 @@ class NoOtherOvertaking(Criterion):
         # Of a follower that has begun to pull out, the actual arrival is 0 s, as in `check`.
         needed = self.min_arrival.f32
         actual = float(needed) + breach.margin
-        return single_change(RemedyQuantity.ARRIVAL, actual, needed, breach.first_frame)
+        return single_change(
+            RemedyQuantity.ARRIVAL, actual=actual, needed=needed, frame=breach.first_frame
+        )
 
     def _followers(self, case: Case, others: OtherVehicles) -> tuple[Mask, Mask]:
         """Followers within `reach` in the lane of the ego, and all vehicles behind on the left.
@@ -592,9 +596,9 @@ class TargetInLane(Criterion):
         return change_by_margin(
             breach,
             RemedyQuantity.TARGET_DRIFT,
-            self.max_lateral_speed.f32,
-            breach.first_frame,
-            breach.target_slot,
+            limit=self.max_lateral_speed.f32,
+            frame=breach.first_frame,
+            slot=breach.target_slot,
         )
 
 

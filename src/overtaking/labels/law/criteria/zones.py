@@ -136,10 +136,10 @@ class NoOvertakingZones(Criterion):
         if target_margin < 0 and abs(target_margin - breach.margin) < SAME_MARGIN_M:
             return single_change(
                 RemedyQuantity.CLEARANCE,
-                breach.margin,
-                0.0,
-                breach.first_frame,
-                breach.target_slot,
+                actual=breach.margin,
+                needed=0.0,
+                frame=breach.first_frame,
+                slot=breach.target_slot,
             )
         return _overtake_elsewhere(breach)
 
@@ -414,4 +414,4 @@ def _overtake_elsewhere(breach: BreachContext) -> tuple[Remedy]:
 
     The margin is minus the distance to that end.
     """
-    return single_change(RemedyQuantity.PLACE, -breach.margin, 0.0)
+    return single_change(RemedyQuantity.PLACE, actual=-breach.margin, needed=0.0)
