@@ -4,9 +4,10 @@ The program decides on breaches; no fact here is a verdict. Values are in mm, mm
 units of recorded states; the signals of the ego are in m, m/s and m/s^2. Approaching vehicles are
 oncoming vehicles that are still ahead of the ego (`FactSource.approaching`).
 
-A fact is a predicate with values, such as `ego_speed(7,120,27500)`. The keywords of the
-decorator `fact` are the arguments of the predicate with their types. The function below it returns
-one column of integers for each argument, with a row for each fact.
+A fact is a predicate with values, such as `ego_speed(7,120,27500)`. The keywords of the decorator
+`fact` are the arguments of the predicate with their types. The function below it returns one column
+of integers for each argument, with a row for each fact. The source has the recordings of a group of
+simulations; arrays named `simulation` are rows of the group.
 """
 
 from __future__ import annotations

@@ -2,9 +2,10 @@
 
 Lengths are in mm, speeds in mm/s. Left is the overtaking side, also in left-hand traffic.
 
-A fact is a predicate with values, such as `lane_width(0,3500)`. The keywords of the
-decorator `fact` are the arguments of the predicate with their types. The function below it returns
-one column of integers for each argument, with a row for each fact.
+A fact is a predicate with values, such as `lane_width(0,3500)`. The keywords of the decorator
+`fact` are the arguments of the predicate with their types. The function below it returns one column
+of integers for each argument, with a row for each fact. The source has the recordings of a group of
+simulations, of which every one has this road.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Facts about a simulation as a whole: weather, class, outcome, events and target.
 
-A fact is a predicate with values, such as `event(7,attempt,120)`. The keywords of the
-decorator `fact` are the arguments of the predicate with their types. The function below it returns
-one column of integers for each argument, with a row for each fact.
+A fact is a predicate with values, such as `event(7,attempt,120)`. The keywords of the decorator
+`fact` are the arguments of the predicate with their types. The function below it returns one column
+of integers for each argument, with a row for each fact. The source has the recordings and labels of
+a group of simulations; arrays named `simulation` are rows of the group.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Facts about the vehicles of a simulation: sizes, lanes, lamps, neighbours, contacts, motion.
 
-A fact is a predicate with values, such as `speed(7,0,120,27500)`. The keywords of the
-decorator `fact` are the arguments of the predicate with their types. The function below it returns
-one column of integers for each argument, with a row for each fact.
+A fact is a predicate with values, such as `speed(7,0,120,27500)`. The keywords of the decorator
+`fact` are the arguments of the predicate with their types. The function below it returns one column
+of integers for each argument, with a row for each fact. The source has the recordings of a group of
+simulations; arrays named `simulation` are rows of the group.
 """
 
 from __future__ import annotations

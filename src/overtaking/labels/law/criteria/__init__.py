@@ -22,7 +22,7 @@ Case: a `Case` is a batch of simulations, with one ego each. `check` and `standa
     so remedies and `margins_by_frame` read index 0.
 Unknown inputs: where an input of `required_inputs` is unknown, a rule is undecidable in all
     simulations to which it applies. So where the kind of a vehicle or of the road is unknown,
-    `check` assumes one to which the rule applies. Where an input of `conditional_inputs` is
+    `check` assumes a kind to which the rule applies. Where an input of `conditional_inputs` is
     unknown, the other inputs still decide some simulations.
 Events and spans: an event is a frame of each simulation, `NEVER` (-1) where it does not occur. For
     `NEVER`, `at_frame` and `vehicle_snapshot` read frame 0, and `neighbour_at` finds no vehicle;
@@ -43,14 +43,14 @@ Errors: in `ERROR_FORMULA`, sp and sv are the standard deviations of a position 
     its field, such as `min_ttc`. In a formula without u, and in `predicate`, v is the speed of the
     ego.
     The errors of a vehicle are the same in all frames. A class without `standard_error` has a
-    margin that they do not change, such as a range of sight or a lateral speed, or a margin whose
-    error is neglected.
+    margin that these errors do not change, such as a range of sight or a lateral speed, or a margin
+    whose error is neglected.
     `deciding_frame` searches the whole span for the margin of the finding, also the frames that
-    `check` leaves out. One of these has the same margin only by chance, unless margins are capped:
-    then several frames may share the cap.
+    `check` leaves out. Such a frame can have the same margin only by chance. Where margins are
+    capped, several frames may have the cap as their margin.
 Lanes: lane 0 is the slowest, and indices grow to the left, the overtaking side. In left-hand
     traffic the world is mirrored, so left and right keep these meanings.
 Float32: `minimum` and `maximum` of `core.float32_math` return the second value where one is NaN or
-    both are zeros of different sign. So does the engine; NumPy's functions may not, and results
-    here must have the engine's bits.
+    both are zeros of different sign. So does the engine, and results here must have the same bits;
+    NumPy's functions may return the other value.
 """

@@ -1,8 +1,9 @@
 """Criteria about ego and target side by side: side, lateral distance, speed of the target.
 
-The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
-beliefs, lanes, and errors (sp and sv are the standard deviations of a position and of a speed).
-`rule.Criterion` describes their methods.
+A `Case` is a batch of simulations with one ego each. `alongside(case)` has all frames in which ego
+and target overlap along the road, with the row of the simulation. Lane 0 is the slowest. In
+`ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed. The docstring
+of the package `criteria` explains these terms in full, `rule.Criterion` describes the methods.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,13 @@
 """Criteria about the distance to the vehicle ahead.
 
-The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
-beliefs, lanes, and errors (with the symbols of `ERROR_FORMULA`). `rule.Criterion` describes their
-methods.
+A `Case` is a batch of simulations with one ego each. `judged_span` lasts from 3 s before the
+attempt to overtake to 3 s after the return; without an attempt it has all driven frames.
+`span_after_gap_recovery` leaves out the first 3 s of the recording, in which a driver may restore a
+gap. A belief is the margin that follows from what the driver perceived at a decision; `belief_at`
+compares it with the true margin. In `ERROR_FORMULA`, sp and sv are the standard deviations of a
+position and of a speed, t and b the reaction time and the deceleration of the safe distance, v and
+u the speeds of the vehicles behind and ahead. The docstring of the package `criteria` explains
+these terms in full, `rule.Criterion` describes the methods.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,10 @@
 """Criteria about the lamps and the indicators of the ego.
 
-The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
-beliefs, errors and lanes. `rule.Criterion` describes their methods.
+A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
+`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time. `judged_span`
+lasts from 3 s before the attempt to overtake to 3 s after the return; without an attempt it has all
+driven frames. The docstring of the package `criteria` explains these terms in full,
+`rule.Criterion` describes the methods.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,11 @@
 """Criteria about lines, the width of lanes, and lanes that a class of vehicles may not use.
 
-The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
-beliefs, lanes, and errors (sp and sv are the standard deviations of a position and of a speed).
-`rule.Criterion` describes their methods.
+A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
+`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time. `judged_span`
+lasts from 3 s before the attempt to overtake to 3 s after the return; without an attempt it has all
+driven frames. Lane 0 is the slowest; left is the overtaking side, also in left-hand traffic. In
+`ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed. The docstring
+of the package `criteria` explains these terms in full, `rule.Criterion` describes the methods.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,12 @@
 """Criteria about oncoming traffic on two-way roads.
 
-The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
-beliefs, lanes, and errors (with the symbols of `ERROR_FORMULA`). `rule.Criterion` describes their
-methods. On roads with lanes of one direction, no rule of this module applies.
+A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
+`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time.
+`opposing_lane_span` is the time of the ego in the opposing lane. In `ERROR_FORMULA`, sp and sv are
+the standard deviations of a position and of a speed, t and b the reaction time and the deceleration
+of the safe distance, v and u the speeds of the vehicles behind and ahead. The docstring of the
+package `criteria` explains these terms in full, `rule.Criterion` describes the methods. On roads
+with lanes of one direction, no rule of this module applies.
 """
 
 from dataclasses import dataclass, replace

@@ -1,8 +1,13 @@
 """Criteria about the return to the original lane, and about keeping right.
 
-The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
-beliefs, lanes, and errors (with the symbols of `ERROR_FORMULA`). `rule.Criterion` describes their
-methods.
+A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
+`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time. `scans(case)`
+has results of the compiled engine. A belief is the margin that follows from what the driver
+perceived at a decision; `belief_at` compares it with the true margin. In `ERROR_FORMULA`, sp and sv
+are the standard deviations of a position and of a speed, t and b the reaction time and the
+deceleration of the safe distance, v and u the speeds of the vehicles behind and ahead, dv is the
+closing speed. The docstring of the package `criteria` explains these terms in full,
+`rule.Criterion` describes the methods.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,8 +1,9 @@
 """Criteria about the ego's speed: speed limits, lowest speed on motorways, speed in fog.
 
-The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
-beliefs, lanes, and errors (sp and sv are the standard deviations of a position and of a speed).
-`rule.Criterion` describes their methods.
+A `Case` is a batch of simulations with one ego each. `judged_span` lasts from 3 s before the
+attempt to overtake to 3 s after the return; without an attempt it has all driven frames. In
+`ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed. The docstring
+of the package `criteria` explains these terms in full, `rule.Criterion` describes the methods.
 """
 
 from dataclasses import dataclass

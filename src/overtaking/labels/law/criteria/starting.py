@@ -1,8 +1,11 @@
 """Criteria about the begin of an overtake, and about the vehicles that it must not endanger.
 
-The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
-beliefs of the driver, lanes, and errors (sp and sv are the standard deviations of a position and of
-a speed, dv is the closing speed). `rule.Criterion` describes their methods.
+A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
+`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time. A belief is
+the margin that follows from what the driver perceived at a decision; `belief_at` compares it with
+the true margin. In `ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a
+speed, dv is the closing speed. The docstring of the package `criteria` explains these terms in
+full, `rule.Criterion` describes the methods.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,11 @@
 """Criteria about places and signs that forbid to overtake.
 
-The docstring of the package `criteria` explains the terms that all criteria share: cases, spans,
-beliefs, lanes, and errors (sp and sv are the standard deviations of a position and of a speed).
-`rule.Criterion` describes their methods.
+A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
+`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time.
+`overtaking_span` lasts from the line crossing until the target is passed and the ego back on its
+side. In `ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed. The
+docstring of the package `criteria` explains these terms in full, `rule.Criterion` describes the
+methods.
 """
 
 from collections.abc import Callable, Iterable, Mapping
