@@ -1,6 +1,10 @@
 """The logic programs: their predicates and rules, dependencies of rules, and ranges of values.
 
-The programs are in the language of clingo, answer set programming (ASP).
+The programs are in the language of clingo, answer set programming (ASP). A rule `head :- body.`
+concludes its head where all literals of its body hold. An atom is a predicate with its arguments,
+such as `target(S,2)`; capitals begin variables. A literal is an atom, a comparison or an aggregate
+such as `N = #count{...}`, or the negation of one. A guard is the side with which a comparison or an
+aggregate is compared. A pool `p(1;2)` stands for `p(1)` and `p(2)`.
 
 In a program, a comment that begins with `%:` declares a predicate with the types of its arguments,
 and with labels and a meaning if queries may name it. A comment that begins with `%~` is a gloss: a

@@ -1,5 +1,9 @@
 """Proofs: the facts and the instances of rules from which a breach of the law follows.
 
+The program is written for the solver clingo. A rule `head :- body.` concludes the atom in its head
+where the literals of its body hold: atoms, comparisons, or their negations. An atom is a predicate
+with its arguments; without variables it is ground.
+
 For each rule of the program, a second rule records its instances: the values of its variables with
 which it holds. A proof is thus clingo's own derivation, independent of the rules in Python.
 """

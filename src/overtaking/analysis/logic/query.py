@@ -1,7 +1,8 @@
 """Queries of a data set: parse a condition, refuse an invalid one, and answer it.
 
-A query is the body of a rule for the solver clingo: atoms and comparisons that hold together. Its
-answers are the values of its variables. For a misspelt constant clingo would return no answer, and
+A query is the body of a rule for the solver clingo: atoms and comparisons that hold together. An
+atom is a predicate with its arguments, such as `target(S,2)`; capitals begin variables. The answers
+are the values of the variables. For a misspelt constant clingo would return no answer, and
 it would wrap a large number without a message, so both are refused before it runs.
 """
 

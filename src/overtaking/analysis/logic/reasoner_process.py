@@ -1,4 +1,8 @@
-"""clingo in a worker process, with limits that a program cannot exceed."""
+"""clingo in a worker process, with limits that a program cannot exceed.
+
+clingo grounds a program: it replaces the variables of each rule by values, and thus finds the atoms
+that follow. An atom is a predicate with its arguments.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Facts about the road, which all simulations of a data set share.
 
-Lengths are in mm, speeds in mm/s. Left is the overtaking side, also in left-hand traffic.
+Lengths are in mm, speeds in mm/s. In facts, left is the overtaking side, also in left-hand traffic.
 
 A fact is a predicate with values, such as `lane_width(0,3500)`. The keywords of the decorator
 `fact` are the arguments of the predicate with their types. The function below it returns one column
