@@ -1,8 +1,9 @@
 """Declarations of facts: each stands at the function that measures the fact.
 
-A declaration has the predicate, its meaning, and the types of its arguments. The function returns
-one column of integers for each argument. The integer of a constant is its code: its position in the
-list of constants of its type. Files list facts in the order of the declarations.
+A fact is a predicate with values, such as `event(7,attempt,120)`. A declaration has the predicate,
+its meaning, and the types of its arguments. The function returns one column of integers for each
+argument. The integer of a constant is its code: its position in the list of constants of its type.
+Files list facts in the order of the declarations.
 """
 
 from __future__ import annotations

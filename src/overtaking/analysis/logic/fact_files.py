@@ -1,4 +1,9 @@
-"""Facts as text for clingo (ASP) and Prolog: requested facts, their lines, and folders of files."""
+"""Facts as text for clingo (ASP) and Prolog: requested facts, their lines, and folders of files.
+
+A fact is a predicate with values, such as `event(7,attempt,120)`. Functions measure facts for a
+group of simulations, as one column of integers for each argument of a predicate. The integer of a
+constant such as `attempt` is its code.
+"""
 
 # pyarrow ships no types, and it makes its compute functions when it is imported.
 # pyright: reportAttributeAccessIssue=false

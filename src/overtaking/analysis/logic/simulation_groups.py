@@ -1,4 +1,4 @@
-"""Groups of simulations of a data set, in the order of their numbers."""
+"""Groups of simulations of a data set, whose facts are measured together, in order of number."""
 
 from __future__ import annotations
 
@@ -83,6 +83,7 @@ def _read_labels(dataset: Dataset, simulation_ids: I64) -> tuple[I64, I64]:
     """
     first_id, num_policies = int(simulation_ids[0]), len(POLICY.constants)
     rows = dataset.rows("labels", first_id, int(simulation_ids[-1]))
+    # The file has names such as `Success_I`; constants of programs are in lower case.
     class_codes = [CLASS.constants.index(name.lower()) for name in rows["class"].to_pylist()]
     classes = np.array(class_codes).reshape(-1, num_policies)
     names = rows["outcome"].to_pylist()[::num_policies]

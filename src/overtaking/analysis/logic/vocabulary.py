@@ -1,8 +1,9 @@
 """Types, predicates, and the rounding of measurements to integers.
 
-Facts, programs and queries use predicates whose arguments have declared types. A type is a range of
-integers or a set of constants, which columns of facts hold as codes, their positions in the set.
-The ranges of the types bound every term of a program, so that clingo computes within 32 bits.
+A fact is a predicate with values, such as `event(7,attempt,120)`. Facts, programs and queries use
+predicates whose arguments have declared types. A type is a range of integers or a set of constants,
+which columns of facts hold as codes, their positions in the set. The ranges of the types bound
+every term of a program, so that clingo computes within 32 bits.
 """
 
 from __future__ import annotations

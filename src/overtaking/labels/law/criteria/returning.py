@@ -239,6 +239,8 @@ class ReturnDelay(Criterion):
         The breach lasts from the frame in which the return is overdue to the last frame in which a
         return is still possible.
         """
+        # The span begins as the target is passed. The scan has the first frame and the number of
+        # frames of the longest run in it in which the ego could have returned.
         span, (first, num_frames) = span_after_passing(case), scans(case).return_opportunity
         applies = (case.events.overlap_end != NEVER) & span.is_nonempty
         overdue = first + num_frames_in(case, self.max_delay.f32)
