@@ -227,12 +227,12 @@ class _Derivation:
         return is due. Of such a chain the step shows only the ends.
         """
         instance = self._instances[atom][0]
-        chain_begin, num_skipped = self._follow_chain(instance)
+        body_at_chain_begin, num_skipped = self._follow_chain(instance)
         instance_rule = self._rules[instance.rule_index]
         literals = instance_rule.rule.tree.body
         values = dict(zip(instance_rule.variables, instance.values, strict=True))
         facts = [_atom_text(premise) for premise in instance.body if premise not in self._instances]
-        derived = [premise for premise in chain_begin if premise in self._instances]
+        derived = [premise for premise in body_at_chain_begin if premise in self._instances]
         gloss = instance_rule.rule.gloss
         sentence = re.sub(r"\{(\w+)\}", lambda match: str(values[match[1]]), gloss)
         return ProofStep(

@@ -499,7 +499,7 @@ class NoOtherOvertaking(Criterion):
         # `ego_lead` is positive for vehicles behind the ego.
         is_behind = others.valid & ~others.is_oncoming & (others.ego_lead > 0)
         is_follower = is_behind & (others.lane == ego_lane) & (others.gap <= self.reach.f32)
-        # Lane 255, beyond the slow edge, wraps to lane 0.
+        # Code 255 of an ego beyond the slow edge, plus 1, wraps to 0, the lane on its left.
         return is_follower, is_behind & (others.lane == ego_lane + 1)
 
     def _has_begun_to_pull_out(self, case: Case, others: OtherVehicles, is_follower: Mask) -> Mask:

@@ -200,7 +200,7 @@ class NoOvertakingSigns(Criterion):
     def check(self, case: Case) -> Finding:
         """The smallest distance from a stretch with such a sign decides."""
         trajectories, has_attempt = case.trajectories, case.events.has_attempt
-        if not all_zones_for(trajectories.road, direction=1):
+        if not all_zones_for(trajectories.road, direction=1):  # 1 is the ego's direction.
             # Signs are known only if the posted limit is known. Otherwise the rule may apply, and
             # is then undecidable, because `speed_limit` is a required input.
             may_have_sign = has_attempt & ("speed_limit" in trajectories.unknown)
@@ -228,13 +228,13 @@ class NoOvertakingSigns(Criterion):
         # A vehicle of unknown kind counts as a kind that the sign concerns: the rule then applies,
         # and is undecidable, because `kinds` is a required input.
         has_target = case.target.slot != NO_VEHICLE
-        is_no_two_wheeler = target_may_be(case, bicycle=False) & ~_target_is_motorcycle(case)
+        target_is_no_two_wheeler = target_may_be(case, bicycle=False) & ~_target_is_motorcycle(case)
         applies_by_sign = {
-            ZoneKind.NO_OVERTAKING: is_no_two_wheeler & has_target,
+            ZoneKind.NO_OVERTAKING: target_is_no_two_wheeler & has_target,
             ZoneKind.NO_OVERTAKING_HEAVY: ego_may_be(case, VehicleKind.TRUCK) & has_target,
         }
         if self.exempts_two_wheelers:
-            applies_by_sign[ZoneKind.NO_OVERTAKING_HEAVY] &= is_no_two_wheeler
+            applies_by_sign[ZoneKind.NO_OVERTAKING_HEAVY] &= target_is_no_two_wheeler
         if self.has_sign_for_motorcycles:
             applies_by_sign[ZoneKind.NO_OVERTAKING_MOTORCYCLE] = (
                 ego_may_be(case, VehicleKind.MOTORCYCLE) & has_target
