@@ -318,7 +318,7 @@ class NoOncomingReaction(Criterion):
             return finding_not_applicable(case.signals.num_simulations)
         oncoming = self._nearest_oncoming(case)
         limit = ABRUPT_BRAKING.f32
-        # Negative while the vehicle brakes.
+        # Along the heading of the vehicle: negative while it brakes.
         accel = as_f32(trajectories.states.accel_lon[oncoming]) * METRES_PER_MM
         margin = limit + accel
         has_left_lane = distance_over_outer_edge(case, oncoming) > LINE_TOLERANCE.f32
