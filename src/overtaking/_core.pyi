@@ -430,7 +430,8 @@ class Stepper:
         Args:
             inputs: Inputs of the batch, with at least one simulation.
             action_kind: Kind of the actions; None if the model's driver decides.
-            observes_truth: Whether the driver observes the true state, and not its beliefs.
+            observes_truth: Whether the driver observes the true state, and not its beliefs about it,
+                which are late and have errors.
             level: SIMD level; None for the best of this CPU.
 
         Raises:
@@ -497,9 +498,9 @@ def ego_signals_and_events(
         visibility: As `labels.signals.visibility_inputs` makes it.
         thresholds: As `labels.event_detection.event_thresholds` makes them.
         constants: As in `Inputs`.
-        signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled.
-        zero_from: Frame from which on these arrays are zero, before and after the call, shape
-            (simulation,).
+        signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled. The 6
+            are the `NeighbourRole`s.
+        zero_from: Frame from which on these arrays are zero, shape (simulation,); read and updated.
         events: A row for each of `FIELD_NAMES["events"]`; filled.
         level: SIMD level; None for the best of this CPU.
 
@@ -545,7 +546,8 @@ def flag_bits(
     Args:
         values: Shape (simulation, time), the frames adjacent.
         span: As in `limit_margins`.
-        out: Both, shape (2, simulation); filled. Without a frame no bit, and all bits.
+        out: The bits of any frame, then the bits of all frames, shape (2, simulation); filled. A
+            span without frames gives 0 and 255.
 
     Raises:
         ValueError: An array has another shape.
@@ -571,8 +573,8 @@ def frames_alongside(
         level: As in `ego_signals_and_events`.
 
     Returns:
-        Simulation and frame of each, and of the target its lane, the gap between the sides of both
-        [m], and its acceleration [m/s^2].
+        Five arrays with an entry for each such frame: simulation, frame, lane of the target, gap
+        between the sides of both [m], and acceleration of the target [m/s^2].
 
     Raises:
         ValueError: As in `target_signals`.
@@ -698,7 +700,8 @@ def scan_spans(
         recording: As in `ego_signals_and_events`.
         signals: As in `target_signals`.
         spans: First and last frame, flat (span, end, simulation).
-        moments: Frames (-1: no event) and slots (255: no vehicle), flat (moment, simulation).
+        moments: Two frames (-1: no event), a slot (255: no vehicle) and a lane, flat (moment,
+            simulation), in the order of `FIELD_NAMES["moments"]`.
         law: Numbers of the law, as `labels.law.margins` makes them.
         outputs: measures, frames and sums, each with a row for each of its names; filled.
         level: As in `ego_signals_and_events`.

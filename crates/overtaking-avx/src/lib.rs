@@ -81,7 +81,8 @@ entry_points!(
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
 entry_points!(avx2, stepped_batch_avx2, externally_moved_avx2, Avx2);
 
-/// The result of a call at a level that is not compiled.
+/// The result of a call at a level that is not compiled. The function takes the arguments of the call, so that they
+/// count as used.
 #[cfg(all(
     any(target_arch = "x86", target_arch = "x86_64"),
     not(all(avx512, avx2))

@@ -1,8 +1,9 @@
 //! Parameters of a block of sixteen simulations: road, vehicles, drivers, weather and constants of the model.
 //!
-//! `overtaking.world.step_parameters` computes them in Python before the simulation starts. Only a branch replaces them
-//! during a simulation. Station `s` is the position along the road [m]. The lateral position `d` is positive towards
-//! the overtaking side [m]. *Along* means in the road's own direction, *against* in the direction of oncoming traffic.
+//! `overtaking.world.step_parameters` computes them in Python before the simulation starts. Only a branch (a simulation
+//! that continues differently) replaces them during a simulation. Station `s` is the position along the road [m]. The
+//! lateral position `d` is positive towards the overtaking side [m]. *Along* means in the road's own direction,
+//! *against* in the direction of oncoming traffic. Each lane of a vector belongs to one simulation of the block.
 
 use std::sync::Arc;
 
@@ -236,7 +237,7 @@ impl StepLength {
 /// Quotients of constants, computed once: each division of a single number costs as much as one of sixteen.
 #[derive(Clone, Copy, Debug)]
 pub struct DerivedConstants {
-    /// A step of 10 ms.
+    /// A step of 10 ms, for recordings with frames between decisions.
     pub fine: StepLength,
     /// A step of 50 ms, from one decision to the next.
     pub coarse: StepLength,
@@ -294,6 +295,7 @@ impl<S: Simd, const N: usize> CopyLane for Params<S, N> {
         self.simulations
             .copy_lane(lane, &source.simulations, source_lane);
         self.is_ring |= source.is_ring;
+        // The caller updates `num_slots_in_use`, which depends on all lanes.
         self.scenario_index_low
             .copy_lane(lane, &source.scenario_index_low, source_lane);
         self.scenario_index_high

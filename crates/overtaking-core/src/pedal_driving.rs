@@ -1,7 +1,8 @@
 //! Vehicles that a program drives by pedals and wheel angles; see `overtaking.sim.reference.pedal_driving`.
 //!
-//! There is one simulation, and every lane of a SIMD vector holds it. Only `update_weather` has different numbers in the
-//! lanes: the wind in the axes of different vehicles.
+//! There is one simulation, and every lane of a SIMD vector holds it. Only `update_weather` has different numbers in
+//! the lanes: the wind in the axes of different vehicles. A *tick* is the time between two decisions, 50 ms. A slot is
+//! the number of a vehicle in its simulation.
 
 use std::array;
 use std::sync::Arc;
@@ -95,7 +96,7 @@ pub struct PedalControls<'a> {
     pub wheel_rate: f32,
 }
 
-/// A part of a tick, the time between two decisions.
+/// A part of a tick.
 #[derive(Clone, Copy)]
 pub enum TickPart<'a> {
     /// Draw gusts, and compute friction and wind until the next decision.
@@ -112,8 +113,8 @@ pub enum TickPart<'a> {
     },
 }
 
-/// Number of slots for up to as many vehicles. More vehicles get `MAX_VEHICLES` slots: a third size would take long to
-/// compile.
+/// Number of slots of the state for tables with at most this many vehicles. Larger tables get `MAX_VEHICLES` slots: a
+/// third size would take long to compile.
 const FEW_SLOTS: usize = SLOT_CAPACITIES[0];
 
 /// Compute a part of a tick for the vehicles of a table, (field, vehicle), whose rows are `TABLE_FIELDS`.
@@ -315,6 +316,7 @@ fn resolve_pairs<S: Simd>(
                     is_near: zero.simd_eq(0.0),
                 };
                 let swept = SweptStep {
+                    // Contact times then count from the start of the step.
                     index: 0,
                     length: params.derived.fine.length,
                     start: &RoadPositions { s: old_s, d: old_d },
@@ -409,7 +411,7 @@ fn set_wind_in_vehicle_axes<S: Simd, const N: usize>(
     }
 }
 
-/// The value of `VARIES`: pedal-driven vehicles move on straight and level ground.
+/// The value of `VARIES`, a parameter of the dynamics: pedal-driven vehicles move on straight and level ground.
 const ROAD_VARIES: bool = false;
 
 /// Move every vehicle by some steps, without detection of contacts.
@@ -473,6 +475,7 @@ fn apply_throttle_and_brake<S: Simd, const N: usize>(
     let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
     let air_speed = speed - state.friction_and_wind.tail_wind[slot];
     let resistance = vehicle.drag * air_speed * air_speed.abs() + vehicle.rolling;
+    // `slip_speed` is the least divisor wherever a formula divides by speed [m/s].
     let engine_force = min(
         vehicle.launch_force,
         vehicle.power / at_least(speed, constants.slip_speed),
@@ -499,6 +502,7 @@ fn turn_wheels<S: Simd, const N: usize>(
 ) -> F32<S> {
     let (constants, vehicle) = (&params.constants, &params.vehicles[slot]);
     let friction = &state.friction_and_wind;
+    // As `Controls::wheel_angle`, in rad or m/s^2.
     let start = state.controls.wheel_angle[slot];
     let requested_angle: F32<S> = splat(params.simd, controls.wheel_angle[slot]);
     let max_turn = controls.wheel_rate * constants.step;

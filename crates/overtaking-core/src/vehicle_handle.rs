@@ -1,4 +1,8 @@
 //! One vehicle slot of a block with state and parameters: the argument of functions that only read.
+//!
+//! A block is sixteen simulations in the lanes of vectors. A slot is the number of a vehicle in its simulation.
+//! Stations and lateral positions of an oncoming vehicle count in its own direction of travel; `in_opposite_frame`
+//! converts them.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -31,7 +35,8 @@ impl<S: Simd, const N: usize> State<S, N> {
         }
     }
 
-    /// Speed along the road of the vehicles in `slot`, which may differ between simulations [m/s].
+    /// Speed along the road, in their direction of travel, of the vehicles in `slot`, which may differ between
+    /// simulations [m/s].
     ///
     /// `each_at_slot` looks up the four numbers, and the speed is computed from them once. If it looked up the speed
     /// itself, it could compute the speed once for each of the sixteen simulations.
@@ -72,6 +77,7 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
         if !TWO_WAY {
             return (s, d);
         }
+        // 1 along the road, -1 for oncoming vehicles.
         let travel_sign = self.params.vehicles[other_slot].travel_sign;
         let is_oncoming = travel_sign.simd_ne(self.vehicle().travel_sign);
         in_opposite_frame(self.params, is_oncoming, s, d)

@@ -1,6 +1,9 @@
 //! Events of each simulation: attempts to overtake from the movement to the left to the return, drifts, accidents.
 //!
 //! `docs/explanation/events.md` defines every event; `overtaking.model.overtake_events.OvertakeEvents` lists them.
+//! Left is the overtaking side. A slot is the number of a vehicle in its simulation. A movement is *wide* if it lasts
+//! for `min_frames` and leads `min_shift` away. Frames from `EgoDrive::num_driven` on follow an accident; they do not
+//! count.
 
 use rayon::prelude::*;
 
@@ -183,6 +186,7 @@ fn left_movements(drive: &EgoDrive<'_>) -> LeftMovements {
                 None => break,
             }
         } else if outcome != MovementOutcome::LeavesLane
+            // 1 is the sign of movements to the left.
             && (crosses_line || drive.is_wide(movement, 1.0))
         {
             movements.first_drift = movements.first_drift.or(Some(movement.first));
@@ -233,6 +237,7 @@ fn trace_attempt(drive: &EgoDrive<'_>, target: u8, begin: usize) -> Attempt {
     let signals = &drive.track.signals;
     let (lane, position) = (signals.lane[begin], drive.track.relative_position(target));
     let (left_line, right_line) = (drive.left_line(lane), drive.right_line(lane));
+    // The distance `over_line` only recognises movements; the event is the frame in which a corner passes the line.
     let crossed = (begin..drive.num_driven).find(|&frame| signals.left_edge[frame] > left_line);
     let undone = undone_frame(drive, begin, drive.num_driven)
         .filter(|&frame| crossed.is_none_or(|crossed| frame < crossed));

@@ -35,7 +35,7 @@ pub(crate) struct FrameBlock<'a, S: Simd> {
 
 /// The part of the road's width that the turned body of a vehicle covers, frame by frame.
 pub(crate) struct Footprint<S: Simd> {
-    /// Lateral position of the centre, positive to the left, the overtaking side [m].
+    /// Lateral position of the centre, positive towards the overtaking side [m].
     pub(crate) lateral_position: F32<S>,
     /// Half of the covered width [m].
     pub(crate) half_width: F32<S>,
@@ -83,6 +83,7 @@ impl<S: Simd> FrameBlock<'_, S> {
     pub(crate) fn load<T: Copy + Into<i32>>(&self, row: &[T]) -> i32x16<S> {
         prefetch(row, self.first_frame + PREFETCH_DISTANCE);
         let mut values = [0; SIMD_LANES];
+        // The same loop twice: in a whole block the compiler knows its length.
         if let Some(row) = row[self.first_frame..].first_chunk::<SIMD_LANES>() {
             for (value, recorded) in values.iter_mut().zip(row) {
                 *value = (*recorded).into();
@@ -147,6 +148,7 @@ impl<S: Simd> FrameBlock<'_, S> {
         let recording = self.recording;
         let d: F32<S> = self.load(recording.d[row]).to_float();
         let heading: F32<S> = self.load(recording.heading[row]).to_float();
+        // Of the angle from the direction of the road to the vehicle's.
         let (sine, cosine) = sincos(heading * RADIANS_PER_UNIT - recording.direction);
         let half_length = recording.length[row] * 0.5;
         let half_width = recording.width[row] * 0.5;

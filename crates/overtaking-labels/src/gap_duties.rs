@@ -1,7 +1,8 @@
 //! Duties towards the vehicles around the ego: its distance to the leader, its return to the original lane, and the
 //! braking that it forces on its follower.
 //!
-//! The *lawful gap* is the gap that the law asks of the following vehicle, `LawNumbers::lawful_gap`.
+//! The *lawful gap* is the gap that the law asks of the following vehicle, `LawNumbers::lawful_gap`. Right is the kerb
+//! side. A slot is the number of a vehicle in its simulation; the ego has slot 0. Blocks have sixteen frames.
 
 use std::ops::Range;
 

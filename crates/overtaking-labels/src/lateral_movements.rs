@@ -1,4 +1,6 @@
 //! Movements of the ego across the road: unbroken runs of frames with lateral motion, their width and their speed.
+//!
+//! Left is the overtaking side, and lateral positions and speeds are positive to the left.
 
 use crate::recording::{NO_VEHICLE, PackedRecording, SignalViews};
 use crate::track::Track;
@@ -21,7 +23,7 @@ macro_rules! with_event_thresholds {
             min_shift: f32,
             /// Shift at which a movement counts as undone, after it has reached `min_shift` [m].
             settled_shift: f32,
-            /// Lanes, from lane 0 on, that have a driving lane to their left.
+            /// Number of lanes, from lane 0 on, that have a driving lane to their left.
             lanes_with_left: usize,
             /// Distance beyond a line above which a corner counts as over the line [m].
             over_line: f32,

@@ -1,6 +1,8 @@
 //! Signals of other vehicles: gaps to all neighbours, occupancy of the left lane, and the overtaken vehicle.
 //!
-//! They are computed apart from `ego_signals`, because few callers read them.
+//! They are computed apart from `ego_signals`, because few callers read them. Left is the overtaking side. A slot is
+//! the number of a vehicle in its simulation; the ego has slot 0. A role is one of six: leader or follower in the ego's
+//! lane, in the lane to the left or in the lane to the right.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd};
@@ -189,6 +191,7 @@ pub fn target_signals(
     level: Level,
     out: &mut TargetSignals<'_>,
 ) {
+    // As in `neighbour_signals`.
     let mut zero_from = vec![i32::MAX; target_slot.len()];
     out.fill(
         recording,

@@ -1,4 +1,7 @@
 //! The inputs and outputs of the signals: recorded states, weather, and the arrays that are filled.
+//!
+//! Signals are time series of the ego, the vehicle under study, in slot 0. A frame is a recorded instant; a slot is the
+//! number of a vehicle in its simulation. In signals, left is the overtaking side, also in left-hand traffic.
 
 use std::ops::Range;
 
@@ -8,7 +11,7 @@ use crate::vectors::SIMD_LANES;
 
 /// Slot of a neighbour or target that does not exist.
 pub const NO_VEHICLE: u8 = 255;
-/// Lane of a vehicle beyond the kerb-side edge of the road.
+/// Lane of a vehicle beyond the kerb-side edge of the road: -1 as a `u8`.
 pub(crate) const BEYOND_KERB_EDGE: u8 = 255;
 /// Frame of an event that did not happen.
 pub(crate) const NEVER: i32 = -1;
@@ -34,9 +37,9 @@ pub struct PackedRecording<'a> {
     pub num_slots: usize,
     /// Frames for which each row has memory.
     pub max_frames: usize,
-    /// Position of the centre along the road [mm].
+    /// Position of the centre along the road, in the ego's direction [mm].
     pub s: Vec<&'a [i32]>,
-    /// Lateral position [mm].
+    /// Lateral position, positive to the geometric left [mm].
     pub d: Vec<&'a [i32]>,
     /// Speed [mm/s].
     pub speed: Vec<&'a [i32]>,
@@ -48,7 +51,8 @@ pub struct PackedRecording<'a> {
     pub lane: Vec<&'a [u8]>,
     /// Slot with which the ego has collided so far, one row for each simulation.
     pub collided_with: Vec<&'a [u8]>,
-    /// Whether a vehicle has a state in a frame; `None` if every vehicle has one in every frame.
+    /// Whether a vehicle has a state in a frame; `None` if every vehicle has one in every frame. Oncoming vehicles
+    /// count as without a state.
     pub is_recorded: Option<Vec<&'a [bool]>>,
     /// Whether a slot holds a vehicle, (simulation, slot).
     pub valid: &'a [bool],
@@ -56,15 +60,15 @@ pub struct PackedRecording<'a> {
     pub length: &'a [f32],
     /// Width, (simulation, slot) [m].
     pub width: &'a [f32],
-    /// Number of driving lanes.
+    /// Number of driving lanes, with the opposing lane on a two-way road.
     pub num_lanes: usize,
     /// 1 if the overtaking side is the left one, -1 if it is the right one.
     pub overtaking_sign: f32,
-    /// Direction of the road, subtracted from headings [rad].
+    /// Direction of the road, subtracted from headings; 0 if they already are angles to a road that bends [rad].
     pub direction: f32,
     /// Time between frames [ms].
     pub interval_ms: i32,
-    /// Number of frames on either side of a frame over which its lateral speed is a central difference.
+    /// Number of frames on either side of a frame over which its lateral speed is a central difference: about 0.1 s.
     pub half_window: usize,
 }
 
@@ -99,7 +103,8 @@ impl PackedRecording<'_> {
     }
 }
 
-/// Hand the signals that scans read to a macro: name, type and number of rows for each simulation.
+/// Hand the signals that events and scans over spans of frames read to a macro: name, type and number of rows for each
+/// simulation.
 #[macro_export]
 macro_rules! with_signal_views {
     ($then:ident!) => {
@@ -120,7 +125,7 @@ macro_rules! with_signal_views {
 
 macro_rules! declare_signal_views {
     ($($field:ident: $kind:ty, $rows:expr;)*) => {
-        /// The signals that scans read, of a batch or of one simulation.
+        /// The signals that events and scans read, of a batch or of one simulation.
         ///
         /// Arrays have shape (simulation, frame), `neighbour_slot` has shape (simulation, role, frame).
         /// `overtaking.model.ego_signals.EgoSignals` defines each of them.
@@ -178,7 +183,8 @@ macro_rules! with_visibility_arrays {
             lamp_depth, 1;
             /// Distance at which that lamp reaches the threshold in clear air [m].
             lamp_clear, 1;
-            /// Largest sight distance to an unlit vehicle: by night the range of the ego's headlamps [m].
+            /// Largest sight distance to an unlit vehicle: `attention_range`, by night at most the range of the ego's
+            /// headlamps [m].
             unlit_limit, 1;
         }
     };
@@ -270,7 +276,7 @@ signal_outputs! {
     EgoSignals:
     /// Lane index.
     lane: u8, 1;
-    /// Lateral position of the centre, positive to the left [m].
+    /// Lateral position of the centre, positive to the left, the overtaking side [m].
     lateral_position: f32, 1;
     /// Lateral speed, positive to the left [m/s].
     lateral_speed: f32, 1;

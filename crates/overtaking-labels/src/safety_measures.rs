@@ -1,7 +1,10 @@
 //! Surrogate measures of safety between the ego and its neighbours: TTC, MTTC, DRAC, PICUD, RSS and the lawful gap.
 //!
 //! `overtaking.world.surrogate_safety` has the same formulas and names their sources. The operations here have the same
-//! order as there, so that both give the same bits.
+//! order as in Python, so that both give the same bits. Differences of recorded integers wrap around, as NumPy's do.
+//!
+//! A block is sixteen frames (recorded instants) of one simulation in the lanes of a SIMD vector. A slot is the number
+//! of a vehicle in its simulation; the ego has slot 0.
 
 use std::ops::Range;
 
@@ -29,7 +32,7 @@ macro_rules! with_law_numbers {
         $then! {
             /// Smallest friction that is thought possible.
             friction_floor: f32,
-            /// Deceleration to a unit of friction: usable share of friction times gravity [m/s^2].
+            /// Deceleration per unit of friction: usable share of friction times gravity [m/s^2].
             decel_per_friction: f32,
             /// Largest deceleration that is assumed of any vehicle [m/s^2].
             decel_limit: f32,
@@ -132,7 +135,8 @@ impl LawNumbers {
     }
 }
 
-/// Time to cover a gap at a speed [s]: infinite at standstill, 0 without a gap. At the closing speed it is the TTC.
+/// Time to cover a gap at a speed [s]: infinite unless the speed is positive, 0 without a gap. At the closing speed it
+/// is the TTC.
 #[inline(always)]
 fn time_gap<S: Simd>(gap: F32<S>, speed: F32<S>) -> F32<S> {
     let is_moving = speed.simd_gt(MIN_DIVISOR);
@@ -177,6 +181,8 @@ pub(crate) fn drac<S: Simd>(gap: F32<S>, closing_speed: F32<S>) -> F32<S> {
 }
 
 /// Names of the worst measures of a simulation, in the order of the rows of the result.
+///
+/// `valid` is 1 if any frame has the vehicle. `FollowingMargins` defines the measures without a vehicle in their name.
 pub(crate) const WORST_MEASURES: [&str; 21] = [
     "leader.valid",
     "leader.gap",
@@ -417,7 +423,7 @@ impl<S: Simd> FollowingMargins<S> {
             block.for_each_frame(shortfall, |shortfall, _| {
                 self.shortfall += f64::from(shortfall);
             });
-            // Not by the shortfall, which is 0 for a TTC equal to the limit.
+            // The count reads a flag, because the shortfall is 0 for a TTC equal to the limit.
             let flag = select(is_critical, splat(block.simd, 1.0), zero);
             block.for_each_frame(flag, |flag, _| {
                 self.num_critical += usize::from(flag > 0.0);

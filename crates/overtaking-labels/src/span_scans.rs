@@ -1,6 +1,7 @@
 //! Margins, measures and sums over spans of frames: the inputs of rules and features that are computed in one pass.
 //!
-//! A margin is negative where a rule is broken.
+//! A margin is negative where a rule is broken. A span is a range of frames (recorded instants), a slot the number of a
+//! vehicle in its simulation; the ego has slot 0. Left is the overtaking side.
 
 use std::ops::Range;
 
@@ -25,9 +26,10 @@ pub(crate) const SIMULATIONS_PER_TASK: usize = 32;
 /// Names of the spans, in the order of `SpanQuery::spans`; `overtaking.labels.law.case.scans` defines them.
 ///
 /// `manoeuvre` is the overtake with some seconds before and after it. `judged` is the manoeuvre, or the whole recording
-/// without an attempt. `after_gap_recovery` is `judged` without the first seconds of the recording, in which the ego may
-/// restore its gap. `after_passing` is the manoeuvre from the frame in which the target was passed. `summed` has the frames
-/// of the paper's means.
+/// without an attempt. `after_gap_recovery` is `judged` without the first seconds of the recording, in which the ego
+/// may restore its gap. `after_passing` is the manoeuvre from the frame in which the target was passed. `summed` has,
+/// without an attempt, the frames up to a collision: the features of the study of Pinto, Dutra and Fonseca are then
+/// means over them.
 pub const SPAN_NAMES: [&str; 5] = [
     "judged",
     "after_gap_recovery",
@@ -36,20 +38,22 @@ pub const SPAN_NAMES: [&str; 5] = [
     "summed",
 ];
 
-/// Names of frames and slots, in the order of `SpanQuery::moments`; fields of `OvertakeEvents`.
+/// Names of two frames, a slot and a lane, in the order of `SpanQuery::moments`; fields of `OvertakeEvents`.
 pub const MOMENT_NAMES: [&str; 4] = ["line_crossed", "return_end", "target_slot", "original_lane"];
 
 /// Spans and moments of each simulation, and the numbers by which they are judged.
 pub struct SpanQuery<'a> {
     /// First and last frame of each span, (span, end, simulation); empty if the last frame is before the first.
     pub spans: &'a [i32],
-    /// Frames (-1: no event) and slots (255: no vehicle), (moment, simulation).
+    /// Frames (-1: no event), a slot (255: no vehicle) and a lane, (moment, simulation).
     pub moments: &'a [i32],
     /// Numbers of the law.
     pub law: &'a LawNumbers,
 }
 
-/// Margins whose smallest value is searched, `UNCONSTRAINED` if no frame counts.
+/// Margins whose smallest value is searched, `UNCONSTRAINED` if no frame counts: sight distance to lit and to unlit
+/// vehicles minus stopping distance [m], gap to the leader minus the lawful gap [m], and allowed braking minus the
+/// braking that the ego forces on its follower [m/s^2].
 const MARGIN_NAMES: [&str; 4] = ["stop_lit", "stop_unlit", "following", "braking"];
 /// Number of rows of `SpanOutputs::measures`.
 const NUM_MEASURES: usize = MARGIN_NAMES.len() + WORST_MEASURES.len();
@@ -254,7 +258,7 @@ impl TrackScan<'_> {
                         }
                     }
                 }
-                // Replaces what `take` found, which is the minimum of the blocks with a negative margin.
+                // `take` saw only the blocks with a negative margin.
                 for (minimum, smallest) in minima.iter_mut().zip(smallest) {
                     minimum.min_margin = min_of_lanes(smallest);
                 }
@@ -267,8 +271,7 @@ impl TrackScan<'_> {
 impl Track<'_> {
     /// Sums of recorded integers over a span, in the order of `SUM_NAMES`.
     ///
-    /// Row 0 of each array is the ego's. Differences wrap as NumPy's do, so that any recording gives the same sums in the
-    /// readable twin.
+    /// Differences wrap as NumPy's do, so that any recording gives the same sums in the Python reference.
     fn recorded_sums(&self, span: Range<usize>) -> [i64; SUM_NAMES.len()] {
         let leaders = self.signals.neighbour(LEADER);
         let (mut ego_speeds, mut sums_with_leader) = (0, [0; 4]);

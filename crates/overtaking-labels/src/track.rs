@@ -1,4 +1,7 @@
-//! One simulation as slices: the recorded states of its vehicles, and the signals of the ego.
+//! One simulation as slices: the recorded states of its vehicles, and the signals (time series) of the ego.
+//!
+//! A frame is a recorded instant. A slot is the number of a vehicle in its simulation; the ego has slot 0. Left is the
+//! overtaking side. Differences of recorded integers wrap around, as NumPy's do in the Python reference.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
@@ -13,7 +16,7 @@ use crate::vectors::{F32, Mask, SIMD_LANES};
 /// Slower egos count with this speed in time gaps, so that the time gap of a standing ego is finite [m/s].
 const MIN_SPEED: f32 = 0.1;
 
-/// One simulation. Recorded states have a row of frames for each slot; the ego has slot 0.
+/// One simulation. Recorded states have a row of frames for each slot.
 #[derive(Clone, Copy)]
 pub(crate) struct Track<'a> {
     /// Number of recorded frames.
@@ -34,7 +37,7 @@ pub(crate) struct Track<'a> {
     pub(crate) length: &'a [f32],
     /// Number of driving lanes.
     pub(crate) num_lanes: usize,
-    /// Signals of the ego.
+    /// Signals of the ego, in m and m/s.
     pub(crate) signals: SignalViews<'a>,
 }
 
@@ -116,7 +119,7 @@ impl<'a> Track<'a> {
         }
     }
 
-    /// Number of vehicles ahead of the ego in frame `begin` and behind it in frame `end`.
+    /// Number of vehicles whose centre is ahead of the ego's in frame `begin` and behind it in frame `end`.
     pub(crate) fn num_passed(&self, begin: usize, end: usize) -> i32 {
         let exists = |slot: usize, frame: usize| {
             self.valid[slot] && frame < self.num_frames && self.has_state(slot, frame)
@@ -169,6 +172,7 @@ impl<'a> Track<'a> {
         if slots == [NO_VEHICLE; SIMD_LANES] {
             return None;
         }
+        // 1 with a neighbour, else 0: a comparison of floats makes the mask below.
         let exists = slots.map(|slot| f32::from(u8::from(slot != NO_VEHICLE)));
         let slots = SlotsPerFrame::new(slots);
         let neighbour_lead = slots.gather(block, self.s) - block.load_ints(self.s[0]);

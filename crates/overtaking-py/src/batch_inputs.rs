@@ -139,13 +139,17 @@ struct RoadValues {
     boundaries: [f32; 9],
     film_path: [f32; 8],
     overtaking_sign: f32,
+    /// The fields of `RoadPose`.
     pose: [f32; 5],
     num_own_lanes: usize,
     has_oncoming_traffic: bool,
     length: f32,
     edge_sum: f32,
+    /// The fields of `KnotTable`, along the road and against it.
     sight: [[[f32; MAX_STATIONS]; 3]; 2],
+    /// The fields of `LineMarks`.
     solid_line: [[f32; MAX_STATIONS]; 3],
+    /// The rows of `CourseTable` in turn.
     course_table: Vec<f32>,
 }
 
@@ -179,6 +183,7 @@ impl RoadValues {
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct ConstantValues {
+    /// In the order of `ModelConstants::NAMES`.
     values: Vec<f32>,
     friction_new: [[f32; 4]; 3],
     friction_worn: [[f32; 4]; 3],

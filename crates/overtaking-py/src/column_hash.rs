@@ -12,8 +12,8 @@ use pyo3::prelude::*;
 
 use crate::spread::{expect_room, reserve};
 
-/// Number of bytes that are collected before they are hashed: BLAKE3 hashes sixteen chunks of one KiB together in the
-/// time of three single chunks.
+/// Number of bytes that are collected before they are hashed: two times sixteen chunks of one KiB. BLAKE3 hashes
+/// sixteen chunks together in the time of three single ones.
 const HASHED_TOGETHER: usize = 32 << 10;
 
 /// A BLAKE3 hash that collects short pieces of bytes.

@@ -1,4 +1,5 @@
-//! Recordings and signals of Python as the slices that the labels read, with checks of their shapes.
+//! Recordings and signals (time series of the ego) of Python as the slices that `overtaking_labels` reads, with checks
+//! of their shapes.
 
 use numpy::{
     Element, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArrayDyn,

@@ -1,4 +1,5 @@
-//! Binding of `overtaking_labels`: signals, events and margins of recorded traffic.
+//! Binding of `overtaking_labels`: signals (time series), events and margins of recorded traffic. A slot is the number
+//! of a vehicle in its simulation; the ego has slot 0.
 
 use numpy::{
     PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2,
@@ -84,6 +85,7 @@ macro_rules! event_threshold_values {
         impl EventThresholdValues<'_> {
             fn thresholds(&self, num_simulations: usize) -> PyResult<EventThresholds<'_>> {
                 expect_length("min_advance", self.min_advance.len(), num_simulations)?;
+                // An error for less than two borders, those of one lane.
                 expect_length("borders", self.borders.len().max(2), self.borders.len())?;
                 Ok(EventThresholds {
                     min_advance: self.min_advance.as_slice()?,
@@ -118,9 +120,9 @@ macro_rules! with_outputs {
 ///     visibility: As `labels.signals.visibility_inputs` makes it.
 ///     thresholds: As `labels.event_detection.event_thresholds` makes them.
 ///     constants: As in `Inputs`.
-///     signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled.
-///     zero_from: Frame from which on these arrays are zero, before and after the call, shape
-///         (simulation,).
+///     signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled. The 6
+///         are the `NeighbourRole`s.
+///     zero_from: Frame from which on these arrays are zero, shape (simulation,); read and updated.
 ///     events: A row for each of `FIELD_NAMES["events"]`; filled.
 ///     level: SIMD level; None for the best of this CPU.
 ///
@@ -279,8 +281,8 @@ type AlongsideArrays<'py> = (
 ///     level: As in `ego_signals_and_events`.
 ///
 /// Returns:
-///     Simulation and frame of each, and of the target its lane, the gap between the sides of both
-///     [m], and its acceleration [m/s^2].
+///     Five arrays with an entry for each such frame: simulation, frame, lane of the target, gap
+///     between the sides of both [m], and acceleration of the target [m/s^2].
 ///
 /// Raises:
 ///     ValueError: As in `target_signals`.
@@ -312,6 +314,7 @@ pub fn frames_alongside<'py>(
     expect_slots("target_slot", target_slot, recording.num_slots)?;
     let (first, last) = span.split_at(target_slot.len());
     let max_frames = recording.max_frames as i32;
+    // The largest number of frames that can be found.
     let frames: usize = first
         .iter()
         .zip(last)
@@ -344,7 +347,8 @@ pub struct SpanOutputArrays<'py> {
 ///     recording: As in `ego_signals_and_events`.
 ///     signals: As in `target_signals`.
 ///     spans: First and last frame, flat (span, end, simulation).
-///     moments: Frames (-1: no event) and slots (255: no vehicle), flat (moment, simulation).
+///     moments: Two frames (-1: no event), a slot (255: no vehicle) and a lane, flat (moment,
+///         simulation), in the order of `FIELD_NAMES["moments"]`.
 ///     law: Numbers of the law, as `labels.law.margins` makes them.
 ///     outputs: measures, frames and sums, each with a row for each of its names; filled.
 ///     level: As in `ego_signals_and_events`.
@@ -394,12 +398,16 @@ pub fn scan_spans(
         moments: moments.as_slice()?,
         law: &law,
     };
-    let (moment_frames, slots) = query.moments.split_at(2 * count);
+    // In the order of `MOMENT_NAMES`: two rows of frames, a row of slots and a row of lanes.
+    let (moment_frames, slots_and_lanes) = query.moments.split_at(2 * count);
     let max_frames = recording.max_frames as i32;
     if let Some(frame) = moment_frames.iter().find(|&&frame| frame >= max_frames) {
         return Err(PyValueError::new_err(format!("moments: no frame {frame}")));
     }
-    let target_slot: Vec<u8> = slots[..count].iter().map(|&slot| slot as u8).collect();
+    let target_slot: Vec<u8> = slots_and_lanes[..count]
+        .iter()
+        .map(|&slot| slot as u8)
+        .collect();
     expect_slots("target_slot", &target_slot, recording.num_slots)?;
     let outputs = SpanOutputs {
         measures: measures.as_slice_mut()?,
@@ -473,7 +481,8 @@ pub fn limit_margins(
 /// Args:
 ///     values: Shape (simulation, time), the frames adjacent.
 ///     span: As in `limit_margins`.
-///     out: Both, shape (2, simulation); filled. Without a frame no bit, and all bits.
+///     out: The bits of any frame, then the bits of all frames, shape (2, simulation); filled. A
+///         span without frames gives 0 and 255.
 ///
 /// Raises:
 ///     ValueError: An array has another shape.
@@ -576,6 +585,7 @@ pub fn encounter_measures(
         pairs.push(EncounterPair {
             ego: vehicle_at(simulation, 0, frame),
             neighbour,
+            // The roles of leaders are even.
             is_ahead: role.is_multiple_of(2),
         });
     }

@@ -1,4 +1,5 @@
-//! Binding of `overtaking_core::pedal_driving`: tables of vehicles and bodies, changed in place.
+//! Binding of `overtaking_core::pedal_driving`: tables of vehicles and bodies, changed in place. A tick is the time
+//! between two decisions, 50 ms; a step lasts 10 ms.
 
 use fearless_simd::Level;
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
@@ -146,6 +147,7 @@ impl PedalDriving {
 }
 
 impl PedalDriving {
+    /// Compute the weather or the motion of a tick in a table.
     fn compute_part_of_tick(
         &self,
         py: Python<'_>,

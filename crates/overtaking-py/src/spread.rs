@@ -8,12 +8,12 @@ use pyo3::prelude::*;
 const THREAD_BYTES: usize = 4 << 20;
 
 /// Memory that the engine allocates for each simulation in addition to the caller's arrays [bytes]: views of the
-/// outputs, and the values of answers before they are transposed.
+/// outputs, and results before they are transposed.
 pub const SIMULATION_BYTES: usize = 2048;
 
 /// Run `work` in the thread pool of this process, while other Python threads run.
 ///
-/// `work_bytes` is the largest amount of memory that the work allocates, not counting `THREAD_BYTES` per thread.
+/// `work_bytes` is the largest amount of memory that the work allocates besides the `THREAD_BYTES` of each thread.
 ///
 /// # Errors
 /// `SystemLimitError`: The system starts no more threads or grants no more memory.

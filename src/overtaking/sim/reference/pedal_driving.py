@@ -1,6 +1,8 @@
 """Motion of vehicles under external control of pedals and wheels, without drivers of the model.
 
-The vehicles head anywhere, so the wind has a different direction in the axes of each.
+The vehicles head anywhere, so the wind has a different direction in the axes of each. A tick is
+the time between two decisions. Arrays of the state have shape (vehicle, simulation); there is one
+simulation.
 """
 
 import dataclasses
@@ -18,6 +20,7 @@ from overtaking.world.weather_parameters import SimulationParameters
 
 def update_weather(state: State, params: StepParameters, decision_index: int) -> None:
     """Compute gusts, friction and wind at each vehicle for the next tick."""
+    # `local_simulations` replaces the weather, whose wind is the same for all vehicles.
     params = dataclasses.replace(params, local_simulations=_wind_in_vehicle_axes(state, params))
     road_conditions.update_random_processes(state, params, decision_index)
     road_conditions.update_friction(state, params)
@@ -53,12 +56,14 @@ def _apply_throttle_and_brake(
 ) -> None:
     """Set the acceleration that the pedals request of `vehicle_dynamics` at a speed.
 
-    The dynamics add the resistance and apply the limits of engine, brakes and friction. Without a
-    foot on a pedal the vehicle thus coasts.
+    The dynamics add the resistance to the requested force and apply the limits of engine, brakes
+    and friction. The resistance is subtracted here, so that a vehicle without a foot on a pedal
+    coasts.
     """
     vehicles, constants = params.vehicles, params.constants
     air_speed = speed - state.friction_and_wind.tail_wind
     resistance = vehicles.drag * air_speed * np.abs(air_speed) + vehicles.rolling
+    # `slip_speed` is the least divisor wherever a formula divides by speed [m/s].
     engine_force = minimum(
         vehicles.launch_force, vehicles.power / maximum(speed, constants.slip_speed)
     )
@@ -69,8 +74,12 @@ def _apply_throttle_and_brake(
 def _turn_wheels(state: State, params: StepParameters, requested_angle: F32, speed: F32) -> F32:
     """Turn the front wheels towards an angle; a two-wheeler leans into the curve of that angle.
 
+    `Controls.wheel_angle` of a two-wheeler is the lateral acceleration that its lean balances
+    [m/s^2]. Its lean follows with a lag, so `WHEEL_RATE` does not limit it.
+
     Returns:
-        Wheel angle [rad], or lean [m/s^2], in the middle of the step.
+        Wheel angle [rad], or the lateral acceleration of a two-wheeler [m/s^2], in the middle of
+        the step.
     """
     vehicles, constants, controls = params.vehicles, params.constants, state.controls
     friction = state.friction_and_wind
