@@ -183,6 +183,7 @@ impl<S: Simd, const N: usize> ExternalMotion<S, N> {
             ..*inputs.constants
         };
         Box::new(Self {
+            // Simulation 0 of the batch in every lane, without a recorder.
             block: Block::new(simd, inputs, &[0], None, new_history()),
             context: DecisionContext::new(simd),
             tile: FrameTile::default(),

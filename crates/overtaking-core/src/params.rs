@@ -279,7 +279,7 @@ pub struct Params<S: Simd, const N: usize> {
     pub simulations: SimulationParams<S>,
     /// Number of slots up to the last one that a running simulation of the block uses.
     pub num_slots_in_use: usize,
-    /// Whether the road of any simulation of the block is a ring.
+    /// Whether the road of any simulation of the block is a ring, which begins again at its end.
     pub is_ring: bool,
     /// Lower and upper 32 bits of the seed.
     pub key: [u32; 2],

@@ -1,4 +1,8 @@
 //! Signals of the ego: its lateral motion, friction, sight distances, and the nearest vehicle in each role.
+//!
+//! A role is one of six: leader or follower in the ego's lane, in the lane to the left (the overtaking side) or in the
+//! lane to the right. The attention range is the distance beyond which drivers perceive no vehicle. Blocks have sixteen
+//! frames. A slot is the number of a vehicle in its simulation; the ego has slot 0.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, i32x16};
@@ -17,7 +21,7 @@ use crate::vectors::{F32, at_least, at_most, max, min, select, splat};
 const MAX_NEWTON_STEPS: usize = 8;
 /// Keeps ranges finite in clear air [1/m].
 const MIN_EXTINCTION: f32 = 1e-7;
-/// Least reserve with which a lamp is visible at the attention range, so that its own range need not be computed.
+/// If a lamp is visible at the attention range with more than this reserve, its own range is not computed.
 ///
 /// The reserve is a logarithm of intensity over the threshold of the eye. The errors of Newton's method and of the
 /// logarithm are far smaller, so the range would exceed the attention range for certain.

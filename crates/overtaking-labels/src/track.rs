@@ -1,7 +1,8 @@
 //! One simulation as slices: the recorded states of its vehicles, and the signals (time series) of the ego.
 //!
-//! A frame is a recorded instant. A slot is the number of a vehicle in its simulation; the ego has slot 0. Left is the
-//! overtaking side. Differences of recorded integers wrap around, as NumPy's do in the Python reference.
+//! A frame is a recorded instant, and a block is at most sixteen frames. A slot is the number of a vehicle in its
+//! simulation; the ego has slot 0. Left is the overtaking side. Differences of recorded integers wrap around, as
+//! NumPy's do in the Python reference.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
@@ -135,14 +136,16 @@ impl<'a> Track<'a> {
         (0..self.s.len()).filter(is_passed).count() as i32
     }
 
-    /// `arrival_frame` of the vehicle that is the follower in the left lane at `frame`; `NEVER` without one.
+    /// `arrival_frame` of the vehicle that is the follower in the left lane at `frame`; `NEVER` without a follower, and
+    /// if `frame` is `NEVER`.
     pub(crate) fn left_follower_arrival(&self, frame: i32) -> i32 {
         let slots = self.signals.neighbour(LEFT_FOLLOWER);
         let begin = usize::try_from(frame).ok();
         begin.map_or(NEVER, |begin| self.arrival_frame(slots[begin], frame))
     }
 
-    /// First frame, from `frame` on, in which the front of a vehicle reaches the position of the ego's rear at `frame`.
+    /// First frame, from `frame` on, in which the front of a vehicle reaches the position of the ego's rear at `frame`;
+    /// `NEVER` if it does not, without a vehicle, and if `frame` is `NEVER`.
     pub(crate) fn arrival_frame(&self, vehicle: u8, frame: i32) -> i32 {
         let (Ok(begin), slot) = (usize::try_from(frame), usize::from(vehicle)) else {
             return NEVER;

@@ -31,7 +31,8 @@ use crate::spread::{SIMULATION_BYTES, no_threads, spread};
 
 /// Borrow every output array, and call `$body` with an `Output` over them.
 ///
-/// `with_outputs!` supplies the second group, output arrays, and the states of vehicles after the groups.
+/// `with_outputs!` calls this macro: it passes on the first group, and adds the second group (output arrays) and the
+/// recorded states of vehicles, which follow the groups.
 macro_rules! borrow_outputs {
     (
         {
@@ -65,8 +66,8 @@ pub(crate) fn with_borrowed_outputs<R>(
     with_outputs! { borrow_outputs! { outputs, batch, num_slots, frames, run } }
 }
 
-/// Parameters of vehicles and of simulations, scenario indices, errors of the egos in judging distance and speed, and the
-/// step from which they hold.
+/// Parameters of vehicles and of simulations, scenario indices, errors of the egos in judging distance and speed, and
+/// the step from which all of these hold.
 type SwitchArrays<'a> = (
     PyReadonlyArray1<'a, f32>,
     PyReadonlyArray1<'a, f32>,
