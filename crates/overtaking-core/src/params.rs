@@ -237,7 +237,7 @@ impl StepLength {
 /// Quotients of constants, computed once: each division of a single number costs as much as one of sixteen.
 #[derive(Clone, Copy, Debug)]
 pub struct DerivedConstants {
-    /// A step of 10 ms, for recordings with frames between decisions.
+    /// A step of 10 ms, for recordings with frames between decisions and for vehicles that pedals drive.
     pub fine: StepLength,
     /// A step of 50 ms, from one decision to the next.
     pub coarse: StepLength,

@@ -1,7 +1,8 @@
 //! Signals, events and margins of recorded traffic: the numbers on which rules of traffic law decide.
 //!
-//! The modules `signals`, `events` and `stretches` of `tests/reference/labels` compute the same numbers in Python,
-//! one frame after the other. Both give the same bits: the same operations on `f32` in the same order.
+//! The modules `readable_signals`, `readable_events` and `readable_scans` of `tests/reference/labels` compute the same
+//! numbers in Python, one frame after the other. Both give the same bits: the same operations on `f32` in the same
+//! order.
 //!
 //! Here sixteen consecutive frames of one simulation lie side by side in the lanes of a SIMD register. The engine in
 //! `overtaking-core` puts sixteen simulations there instead.
