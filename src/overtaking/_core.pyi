@@ -430,8 +430,8 @@ class Stepper:
         Args:
             inputs: Inputs of the batch, with at least one simulation.
             action_kind: Kind of the actions; None if the model's driver decides.
-            observes_truth: Whether the driver observes the true state, and not its beliefs about it,
-                which are late and have errors.
+            observes_truth: Whether the driver observes the true state, and not its beliefs about
+                it, which are late and have errors.
             level: SIMD level; None for the best of this CPU.
 
         Raises:
@@ -614,7 +614,7 @@ def log_in_place(values: NDArray[np.floating[Any]], *, level: str | None = None)
     """
 
 def maximum_in_place(values: NDArray[np.floating[Any]], others: Any) -> None:
-    """Replace each number by the larger of itself and another number, as `float32_math.maximum`.
+    """Replace each number by the larger of itself and another one, as `core.float32_math.maximum`.
 
     Args:
         values: Flat float32 array.
@@ -625,7 +625,7 @@ def maximum_in_place(values: NDArray[np.floating[Any]], others: Any) -> None:
     """
 
 def minimum_in_place(values: NDArray[np.floating[Any]], others: Any) -> None:
-    """Replace each number by the smaller of itself and another number, as `float32_math.minimum`.
+    """Replace each number by the smaller of itself and another one, as `core.float32_math.minimum`.
 
     Arguments and errors as in `maximum_in_place`.
     """
@@ -670,12 +670,12 @@ def random_words(
     draw: int,
     level: str | None = None,
 ) -> list[NDArray[np.uint32]]:
-    """Draw four random words for each simulation and stream, as `random_numbers.philox_words`.
+    """Draw four random words for each simulation and stream, as `core.random_numbers.philox_words`.
 
     Args:
         seed: Seed of the data set.
         index: Scenario index of each simulation.
-        stream: Purpose of the draws, as long as `index`: a `random_numbers.Stream`, to which
+        stream: Purpose of the draws, as long as `index`: a `core.random_numbers.Stream`, to which
             purposes that concern single vehicles add the slot or role.
         draw: Number of the block of four words within the stream, from 0.
         level: SIMD level, None for the fastest of this CPU; the results are the same.
@@ -769,4 +769,4 @@ def target_signals(
     """
 
 def uniform_numbers(words: NDArray[np.uint32]) -> NDArray[np.float32]:
-    """Convert random words to uniform numbers, as `random_numbers.uniform_from_word`."""
+    """Convert random words to uniform numbers, as `core.random_numbers.uniform_from_word`."""

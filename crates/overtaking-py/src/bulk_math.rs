@@ -17,12 +17,12 @@ use crate::spread::expect_room;
 /// Four arrays of random words of 32 bits.
 type Words<'py> = [Bound<'py, PyArray1<u32>>; 4];
 
-/// Draw four random words for each simulation and stream, as `random_numbers.philox_words`.
+/// Draw four random words for each simulation and stream, as `core.random_numbers.philox_words`.
 ///
 /// Args:
 ///     seed: Seed of the data set.
 ///     index: Scenario index of each simulation.
-///     stream: Purpose of the draws, as long as `index`: a `random_numbers.Stream`, to which
+///     stream: Purpose of the draws, as long as `index`: a `core.random_numbers.Stream`, to which
 ///         purposes that concern single vehicles add the slot or role.
 ///     draw: Number of the block of four words within the stream, from 0.
 ///     level: SIMD level, None for the fastest of this CPU; the results are the same.
@@ -96,7 +96,7 @@ pub fn log_in_place(
     Ok(())
 }
 
-/// Convert random words to uniform numbers, as `random_numbers.uniform_from_word`.
+/// Convert random words to uniform numbers, as `core.random_numbers.uniform_from_word`.
 #[pyfunction]
 #[pyo3(signature = (words: "NDArray[np.uint32]") -> "NDArray[np.float32]")]
 pub fn uniform_numbers<'py>(
@@ -107,7 +107,7 @@ pub fn uniform_numbers<'py>(
     Ok(PyArray1::from_vec(py, numbers))
 }
 
-/// Replace each number by the larger of itself and another number, as `float32_math.maximum`.
+/// Replace each number by the larger of itself and another one, as `core.float32_math.maximum`.
 ///
 /// Args:
 ///     values: Flat float32 array.
@@ -124,7 +124,7 @@ pub fn maximum_in_place(
     combine_in_place(values.as_slice_mut()?, others, core::maximum_in_place)
 }
 
-/// Replace each number by the smaller of itself and another number, as `float32_math.minimum`.
+/// Replace each number by the smaller of itself and another one, as `core.float32_math.minimum`.
 ///
 /// Arguments and errors as in `maximum_in_place`.
 #[pyfunction]

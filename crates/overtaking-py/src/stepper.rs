@@ -46,8 +46,8 @@ impl Stepper {
     /// Args:
     ///     inputs: Inputs of the batch, with at least one simulation.
     ///     action_kind: Kind of the actions; None if the model's driver decides.
-    ///     observes_truth: Whether the driver observes the true state, and not its beliefs about it,
-    ///         which are late and have errors.
+    ///     observes_truth: Whether the driver observes the true state, and not its beliefs about
+    ///         it, which are late and have errors.
     ///     level: SIMD level; None for the best of this CPU.
     ///
     /// Raises:
