@@ -1,8 +1,9 @@
 //! Acceleration that each driver requests until its next decision, 0.05 s later; the twin of
 //! `overtaking.sim.reference.acceleration`.
 //!
-//! Left is the overtaking side. During a lane change the driver's lane is the one that it enters, and its old lane the
-//! one that it leaves.
+//! Left is the overtaking side, and lateral positions grow to the left. During a lane change the driver's lane is the
+//! one that it enters, and its old lane the one that it leaves. A driver passes from its pull-out until it begins to
+//! return or to abort.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -100,6 +101,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
                 desired_speed = select(is_passing, self.current_passing_speed(), desired_speed);
             }
         } else if self.slot == EGO_SLOT {
+            // On one-way roads only the ego passes through the stages of an overtake.
             desired_speed = select(
                 self.is_before_return(),
                 self.desired_passing_speed(),
@@ -157,7 +159,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             constants.lane_cleared_share * state.path.duration[slot] - state.path.elapsed[slot],
             0.0,
         );
-        // `leader.accel` is never positive: the driver adds the braking of its old leader to its own.
+        // `perception` clips `leader.accel` at 0, so the driver adds the braking of its old leader here.
         let needed_decel = braking_until_clear(
             params,
             leader.gap - vehicle.min_gap,
@@ -183,7 +185,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Acceleration that the driver wants, behind its leader and behind the leader in its old lane [m/s^2].
     ///
-    /// `leader_accel` is the acceleration behind the leader, less for oncoming traffic and in a pass [m/s^2].
+    /// `leader_accel` is the acceleration behind the leader; where oncoming traffic or the pass demands a smaller one,
+    /// that one [m/s^2].
     #[inline(always)]
     pub fn requested_accel(self, context: &DriverContext<S>, leader_accel: F32<S>) -> F32<S> {
         min(leader_accel, self.accel_behind_old_leader(context))
@@ -237,6 +240,7 @@ pub fn apply_pedals<S: Simd, const N: usize>(
     );
     // Drivers reach any braking within `brake_ramp`, so hard braking builds up faster (Markkula et al. 2016).
     let jerk_down = at_least(-target_accel / constants.brake_ramp, constants.jerk_down);
+    // `constants.decision` is the time between two decisions [s].
     let change = clamp(
         target_accel - requested_accel,
         -(jerk_down * constants.decision),
@@ -305,6 +309,7 @@ fn shift_to_edge<S: Simd, const N: usize>(
     let starts =
         starts & state.motion.is_wreck[slot].simd_eq(0.0) & vehicle.valid.simd_gt(0.0) & !overtakes;
     if starts.any_true() {
+        // The last argument counts lanes to the left of the driver's lane.
         let (right_edge, left_edge) = lane_borders(params, state.lane_choice.lane[slot], 0.0);
         // A choice of this model: without an oncoming vehicle the move takes twice as long.
         let duration = select(

@@ -165,7 +165,7 @@ fn iidm_accel<S: Simd>(
     let speed_ratio = follower.speed / follower.desired_speed;
     // The exponents, 4 below the desired speed and 4 a / b (`overspeed_exponent`) above it, give both branches the same
     // slope there. `following.free_exponent` in `model.toml` sets only the second exponent: change the fourth power
-    // here together with it. Powers use `exp` and `log`.
+    // here together with it. Other powers are exp(exponent * log(base)), with the same bits on every machine.
     let square = speed_ratio * speed_ratio;
     let free_accel_below = vehicle.accel * (one - square * square);
     let interaction = vehicle.accel * (one - z * z);

@@ -1,5 +1,9 @@
-//! Contacts of oriented boxes that are swept over a step; the twin of `overtaking.sim.reference.collisions`, which names
-//! the sources.
+//! Contacts of oriented boxes that are swept over a step; the twin of `overtaking.sim.reference.collisions`, which
+//! names the sources.
+//!
+//! A frame has the direction of travel of a vehicle: s ahead along the road, d to the left. The two vehicles of a pair
+//! are `first` and `second`, and the frame of the first is used for both. A step lasts 10 or 50 ms; a *share* of it is
+//! a part from 0 to 1. `TWO_WAY` is whether the road has oncoming traffic.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -13,12 +17,12 @@ use crate::vehicle_handle::VehicleHandle;
 
 /// Keeps the time of contact finite without relative motion [m].
 const MIN_MOTION: f32 = 1e-6;
-/// Bound of an overlap that no axis has narrowed yet, in steps.
+/// Bound of an overlap that no axis has narrowed yet [shares].
 const NEVER: f32 = 1e9;
-/// Bodies that stay farther apart than this do not touch, whatever is rounded [m].
+/// Distance that `stay_clear` adds, so that rounding hides no contact [m].
 const ROUNDING_MARGIN: f32 = 0.05;
 
-/// A vector in road coordinates: a position or its difference [m], or a velocity [m/s].
+/// A vector in a frame: a position, a difference of positions [m], or a velocity [m/s].
 #[derive(Clone, Copy)]
 struct RoadVector<S: Simd> {
     s: F32<S>,
@@ -31,7 +35,7 @@ struct OrientedBox<S: Simd> {
     /// Centre [m].
     s: F32<S>,
     d: F32<S>,
-    /// Of the angle between the vehicle and the road.
+    /// Sine and cosine of the body's angle to the s axis.
     sine: F32<S>,
     cosine: F32<S>,
     /// Half of the sizes [m].
@@ -39,10 +43,9 @@ struct OrientedBox<S: Simd> {
     half_width: F32<S>,
 }
 
-/// Turn between the frames of the two vehicles of a pair: 1, or -1 for opposite directions.
+/// Turn from the frame of a vehicle to the frame of the first vehicle of its pair: 1, or -1 for opposite directions.
 ///
-/// The axes of a frame follow the direction of travel of its vehicle. `None` on one-way roads, and for the first
-/// vehicle itself.
+/// `None` on one-way roads, and for the first vehicle itself.
 type PairFrame<S> = Option<F32<S>>;
 
 /// Two vehicles that may touch before the next decision.
@@ -72,9 +75,9 @@ pub struct SweptStep<'a, S: Simd, const N: usize> {
 /// Part of a step that is still to come.
 #[derive(Clone, Copy)]
 struct RemainingStep<S: Simd> {
-    /// By which the position is moved back, 0 to 1.
+    /// Share by which the position is moved back towards its start, 0 to 1.
     share: F32<S>,
-    /// By which the heading is turned back [s].
+    /// Time by which the heading is turned back [s].
     time: F32<S>,
 }
 
@@ -102,12 +105,13 @@ struct Impact<S: Simd> {
     exists: Mask<S>,
     /// Unit normal from the first to the second.
     normal: RoadVector<S>,
-    /// Levers of the impulse about both centres [m].
+    /// Levers of the impulse about both centres, positive if an impulse along the normal turns the vehicle to the left
+    /// [m].
     lever_first: F32<S>,
     lever_second: F32<S>,
     /// Closing speed along the normal [m/s].
     closing_speed: F32<S>,
-    /// Time of the contact [s].
+    /// Time of the contact since the start of the simulation [s].
     time: F32<S>,
     /// Rest of the step [s].
     remaining_time: F32<S>,
@@ -115,9 +119,9 @@ struct Impact<S: Simd> {
 
 /// Impulse on one vehicle in its own frame.
 struct Impulse<S: Simd> {
-    /// Along the normal [N s].
+    /// Along the normal, negative against it [N s].
     size: F32<S>,
-    /// About the vehicle's centre [m].
+    /// Lever about the vehicle's centre [m].
     lever: F32<S>,
 }
 
@@ -254,9 +258,9 @@ pub(crate) fn resolve_pair<S: Simd, const N: usize>(
 
 /// The contact of a pair during the step; `None` if it touches in no simulation.
 ///
-/// The boxes keep their heading while they are swept: first the heading at the end of the step, then the heading at the
-/// time of contact that this gives. One correction is enough: with steps of 1 ms, times of contact differ by at most
-/// 10 ms (`tests/reference/test_contact_times.py`).
+/// The boxes keep their heading while they are swept. The first sweep takes the heading at the end of the step; the
+/// second takes the heading at the time of contact that the first has found. Two sweeps are enough: the times of
+/// contact differ by at most 10 ms from a simulation with steps of 1 ms (`tests/reference/test_contact_times.py`).
 #[inline(always)]
 fn find_impact<S: Simd, const N: usize>(
     state: &State<S, N>,
@@ -287,7 +291,7 @@ fn find_impact<S: Simd, const N: usize>(
     if !touches.any_true() {
         return None;
     }
-    // Without a contact in the first sweep, the second has no time of contact to take headings from.
+    // Where the first sweep has found a contact, the second takes its headings at that time.
     let share = 1.0 - clamp_to(overlap.enter, 0.0, 1.0);
     let time = share * swept.length;
     let remaining = RemainingStep { share, time };
@@ -304,7 +308,7 @@ fn find_impact<S: Simd, const N: usize>(
     let a = vehicle_1.box_at(swept, remaining, None);
     let b = vehicle_2.box_at(swept, remaining, frame);
     let (arm_first, arm_second) = contact_arms(&a, &b);
-    // A contact changes the velocities at the end of the step.
+    // Velocities are those at the end of the step, which a contact then changes.
     let velocity_first = vehicle_1.point_velocity(arm_first, None);
     let velocity_second = vehicle_2.point_velocity(arm_second, frame);
     let normal = overlap.normal;
@@ -346,7 +350,7 @@ fn impulse_size<S: Simd, const N: usize>(
 
 /// Keep the first contact of the vehicle in `slot`, and make it a wreck.
 ///
-/// Pairs are resolved in the order of slots, so of two contacts in one step the earlier may come second.
+/// Pairs are resolved in the order of slots, so a contact that is earlier in the step may be resolved later.
 #[inline(always)]
 fn record_contact<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -407,9 +411,9 @@ fn in_first_frame<S: Simd, const N: usize>(
     RoadVector { s, d }
 }
 
-/// Whether boxes along the road around both bodies are apart during the whole step.
+/// Whether the bodies stay apart along or across the road during the whole step.
 ///
-/// Most near pairs are, and this test needs no division.
+/// This is true of most near pairs, and the test needs no division.
 #[inline(always)]
 fn stay_clear<S: Simd>(
     a: &OrientedBox<S>,
@@ -431,14 +435,15 @@ fn stay_clear<S: Simd>(
 
 /// Whether an offset exceeds a distance on the same side at the start and at the end of the step.
 ///
-/// A function, because the compiler leaves a closure that is called twice outside, without the SIMD features of the CPU.
+/// A function, because the compiler leaves a closure that is called twice outside, without the SIMD features of the
+/// CPU.
 #[inline(always)]
 fn stays_beyond<S: Simd>(start: F32<S>, end: F32<S>, distance: F32<S>) -> Mask<S> {
     (start.simd_gt(distance) & end.simd_gt(distance))
         | (start.simd_lt(-distance) & end.simd_lt(-distance))
 }
 
-/// Half of the space that a body takes along and across the road.
+/// Half of the space that a body takes along and across the road [m].
 #[inline(always)]
 fn extent<S: Simd>(body: &OrientedBox<S>) -> RoadVector<S> {
     let (sine, cosine) = (body.sine.abs(), body.cosine.abs());
@@ -449,7 +454,8 @@ fn extent<S: Simd>(body: &OrientedBox<S>) -> RoadVector<S> {
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// The body at the end of the step, in the first frame. The sine and cosine of its heading are in the state.
+    /// The body at the end of the step, in the frame of the first vehicle. The state has sine and cosine of its
+    /// heading.
     #[inline(always)]
     fn oriented_box(self, frame: PairFrame<S>) -> OrientedBox<S> {
         let (motion, slot, vehicle) = (&self.state.motion, self.slot, self.vehicle());
@@ -464,7 +470,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// The body when a part of the step was still to come, in the first frame.
+    /// The body when `remaining` was still to come, in the frame of the first vehicle.
     #[inline(always)]
     fn box_at(
         self,
@@ -487,7 +493,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// Velocity of a point at an arm from the centre [m/s]; arm and velocity are in the first frame.
+    /// Velocity of a point at an arm from the centre [m/s]; both are in the frame of the first vehicle.
     #[inline(always)]
     fn point_velocity(self, arm: RoadVector<S>, frame: PairFrame<S>) -> RoadVector<S> {
         let yaw_rate = self.state.motion.yaw_rate[self.slot];
@@ -501,9 +507,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
 /// Overlap of two boxes in relative motion; of the boxes only size and heading count.
 ///
-/// Along each separating axis of both boxes the relative centre moves linearly, which gives the part of the step in which
-/// the projections overlap. The axis that starts to overlap last is the normal. The offsets are from the centre of `a` to
-/// the centre of `b`.
+/// Along each separating axis of both boxes the relative centre moves linearly, which gives the part of the step in
+/// which the projections overlap. The axis that starts to overlap last is the normal. The offsets are from the centre
+/// of `a` to the centre of `b`.
 #[inline(always)]
 fn swept_overlap<S: Simd>(
     a: &OrientedBox<S>,

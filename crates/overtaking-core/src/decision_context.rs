@@ -1,4 +1,7 @@
 //! Perception of the drivers at a decision; the twin of `overtaking.sim.reference.decision_context`.
+//!
+//! A block is a set of simulations that run side by side, one in each lane of a SIMD vector. `N` is the number of
+//! vehicle slots.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -29,10 +32,10 @@ pub struct DriverContext<S: Simd> {
     pub checks_mirrors: Mask<S>,
     /// Whether another driver that indicates for the same gap goes first.
     ///
-    /// Computed for the ego only. For other drivers `change_lanes_by_mobil` computes it, on one-way roads alone: two
+    /// Set for the ego only. `change_lanes_by_mobil` computes it for the other drivers, and only on one-way roads: two
     /// drivers enter one lane from both sides only where there are three lanes, which two-way roads do not have.
     pub gives_way: Mask<S>,
-    /// Index of the decision, 20 per second.
+    /// Index of the decision since the start of the simulation, 20 per second.
     pub decision_index: u32,
 }
 
@@ -70,14 +73,14 @@ pub struct DecisionContext<S: Simd, const N: usize> {
     pub bodies: [VisibleBody<S>; N],
     /// Which vehicles can meet which, on two-way roads.
     pub oncoming_search: OncomingSearch<S, N>,
-    /// Largest acceleration of each driver but the ego's [m/s^2].
+    /// Largest acceleration of each driver except the ego [m/s^2].
     ///
-    /// `drive_others` writes it before it reads it. It stands here so that the memory is reused by the next decision.
+    /// `drive_others` writes it before it reads it. It is a field only so that the next decision uses the same memory.
     pub accel_limit: PerVehicle<S, N>,
     /// Positions at the start of an integration step, from which contacts are swept.
     ///
-    /// Only memory that the thread uses again: written in every step in which two vehicles may touch, and not read by
-    /// decisions.
+    /// A field only so that steps use the same memory: each step in which two vehicles may touch writes it, and
+    /// decisions do not read it.
     pub step_start: RoadPositions<S, N>,
 }
 

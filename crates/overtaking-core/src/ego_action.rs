@@ -1,10 +1,16 @@
 //! Actions of an external driver, a program that drives the ego in place of the model's driver; the twin of
 //! `overtaking.sim.reference.ego_action`.
 //!
-//! The parts of an action depend on its kind (`ActionKind`): a move, or an acceleration and then a wheel angle, a lane
-//! change or a move. A move is a constant of `ego_move`. A lane change is 1 to the left, -1 to the right, 0 for no
-//! change; left is the overtaking side. The model operates pedals and steering where the action has no part for them. A
-//! request that is impossible now has no effect.
+//! The parts of an action, in their order, depend on its kind (`ActionKind`):
+//! - `Decision`: move
+//! - `AccelLane`: acceleration, lane change
+//! - `AccelSteer`: acceleration, wheel angle
+//! - `AccelMove`: acceleration, move
+//! - `AccelSteerSignal`: acceleration, wheel angle, lane change
+//!
+//! A move is a constant of `ego_move`. A lane change is 1 to the left, -1 to the right, 0 for no change; left is the
+//! overtaking side. The model operates pedals and steering where the action has no part for them. A request that is
+//! impossible now has no effect.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -19,7 +25,8 @@ use crate::vehicle_handle::VehicleHandle;
 /// Largest number of parts of an action.
 pub const MAX_ACTION_PARTS: usize = 3;
 
-/// Declare `ActionKind` from the list in `names`: each kind with its name and the scales of its parts.
+/// Declare `ActionKind` from the list in `names`: each kind with its name and the scales of its parts, the numbers by
+/// which recorded integers are divided.
 macro_rules! declare_action_kinds {
     ($($(#[$parts:meta])* $kind:ident, $name:literal, $scales:expr;)*) => {
         /// Meaning of the numbers of an action, as in `overtaking.model.driver_interface.ACTION_KINDS`.
@@ -67,7 +74,7 @@ pub struct ActionLog<'a> {
 }
 
 impl ActionLog<'_> {
-    /// The actions in the simulations of a block at a decision; after the end of the record, its last actions.
+    /// The actions at a decision in some simulations of the batch; after the last recorded actions, those again.
     pub(crate) fn action_at<S: Simd>(
         &self,
         simd: S,
@@ -248,8 +255,9 @@ pub fn intent_from_action<S: Simd, const N: usize>(
 
 /// Set the ego's indicator, whether or not the model's driver uses its indicator.
 ///
-/// Only two kinds of action contain the indicator. In `AccelMove` a move with a side sets it. In `AccelSteerSignal` the
-/// lane change only sets the indicator, because the wheel angle changes lanes; 0 switches it off.
+/// Only two kinds of action contain the indicator; with the others `overtake` sets it. In `AccelMove` a move with a
+/// side sets it. In `AccelSteerSignal` the lane change only sets the indicator, because the wheel angle changes lanes;
+/// 0 switches it off.
 #[inline(always)]
 pub fn set_requested_indicator<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -274,7 +282,8 @@ pub fn set_requested_indicator<S: Simd, const N: usize>(
 
 /// Intent of an ego that is steered by a wheel angle, from the lane that its centre is in.
 ///
-/// Its lane changes are known only once the centre has crossed a line, so it has no wish before.
+/// The model knows of its lane change only once the centre has crossed a line, so the ego never wants one: it starts
+/// it.
 #[inline(always)]
 fn intent_from_position<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -286,7 +295,7 @@ fn intent_from_position<S: Simd, const N: usize>(
         let is_beyond = state.motion.d[EGO_SLOT].simd_ge(params.road.boundaries[index]);
         present_lane = select(is_beyond, splat(params.simd, index as f32), present_lane);
     }
-    // `lane_choice.lane` is the lane at the last decision.
+    // `lane_choice.lane` is the lane at the last decision; lanes are numbered from the right.
     let has_crossed_left_line = present_lane.simd_gt(state.lane_choice.lane[EGO_SLOT]);
     let has_crossed_right_line = present_lane.simd_lt(state.lane_choice.lane[EGO_SLOT]);
     let no_wish = present_lane.simd_ne(present_lane); // False in each simulation.

@@ -232,6 +232,7 @@ fn accepts_pull_out_gaps<S: Simd, const N: usize>(
     let is_free_ahead = imposed_accel_on_driver(params, inputs, &leader).simd_ge(-vehicle.decel);
     let gap = beliefs.gap[LEFT_FOLLOWER];
     let closing_speed = beliefs.closing_speed[LEFT_FOLLOWER];
+    // As the follower will be if it accelerates for 2 s.
     let (later_gap, later_closing_speed) = anticipated_follower(params, gap, closing_speed);
     let follower_accel = min(
         imposed_accel_by_driver(params, inputs, gap, closing_speed),
@@ -305,11 +306,13 @@ fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
     let leader = beliefs.steady_leader(RIGHT_LEADER);
     let closing_speed = beliefs.closing_speed[RIGHT_FOLLOWER];
     let time_to_line = 0.5 * params.simulations.urgent_change_duration;
-    // Growth of the gap ahead counts too, so a driver slower than the leader need not wait for it.
+    // The gap ahead may also grow until then, so a driver slower than the leader need not wait for it. Growth of the
+    // gap behind does not count (a choice of this model).
     let leader_gap = leader.gap - time_to_line * leader.closing_speed;
     let follower_gap = beliefs.gap[RIGHT_FOLLOWER] - time_to_line * at_least(closing_speed, 0.0);
     let has_space = min(follower_gap, leader_gap).simd_gt(constants.min_return_gap);
     let accel = cah_accel(constants, inputs.speed, &leader);
+    // `abort_factor` is a factor on the comfortable deceleration.
     has_space & accel.simd_ge(-(constants.abort_factor * inputs.vehicle.decel))
 }
 
@@ -340,8 +343,8 @@ pub fn form_intent<S: Simd, const N: usize>(
     let mut cancels_return = driver.cancels_return(context, inputs);
     let mut may_return = has_indicated;
     if let Some(continuation) = continuation {
-        // A driver that aborts returns behind its target without waiting for mirrors or indicator. The state machine
-        // starts this return as a cancelled pull-out.
+        // A driver that aborts returns behind its target without waiting for mirrors or indicator. `overtake` carries
+        // this return out as a cancelled pull-out.
         let has_gap_behind =
             inputs.beliefs.gap[RIGHT_FOLLOWER].simd_gt(params.constants.min_rear_gap);
         let falls_back = continuation.must_abort & continuation.fits_into_lane & has_gap_behind;
@@ -548,8 +551,8 @@ pub fn update_indicator<S: Simd, const N: usize>(
     let (zero, one) = (splat(params.simd, 0.0), splat(params.simd, 1.0));
     state.lane_choice.wanted_side[slot] =
         select(wants_to_pull_out, one, select(wants_to_return, -one, zero));
-    // The time counts whether or not the driver uses its indicator. It runs down when the wish ends, so a short doubt
-    // does not restart the lead time.
+    // The time counts whether or not the driver uses its indicator. Without a wish it falls to 0 as fast as it has
+    // grown, so a short doubt does not restart the lead time.
     let time_indicating = state.overtake.time_indicating[slot];
     let longer_time = time_indicating + params.constants.decision;
     let shorter_time = at_least(time_indicating - params.constants.decision, 0.0);

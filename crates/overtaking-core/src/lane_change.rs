@@ -3,8 +3,9 @@
 //!
 //! MOBIL (Kesting, Treiber, Helbing 2007) weighs a driver's gain in acceleration against the loss of its followers. On
 //! one-way roads all drivers but the ego decide by it. `start_lane_changes` starts the lane changes of all drivers.
-//! Left is the overtaking side. During a lane change the driver's lane is the one that it enters, and its old lane the
-//! one that it leaves.
+//! Left is the overtaking side; lanes are numbered from the right. During a lane change the driver's lane is the one
+//! that it enters, and its old lane the one that it leaves. Beliefs about a neighbour that is not detected are a gap of
+//! 1000 m and a closing speed of 0.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -195,7 +196,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             self.imposed_accel_on_follower(speed, later_gap, later_closing_speed),
         );
         let accel = imposed_accel(constants, vehicle, speed, vehicle.time_gap, &leader);
-        // `min_rear_gap` is the least gap to the leader, too.
+        // `min_rear_gap` is the least gap to the follower, and in this model also to the leader.
         let has_space =
             rear_gap.simd_gt(constants.min_rear_gap) & leader.gap.simd_gt(constants.min_rear_gap);
         has_space & rear_accel.simd_ge(-vehicle.safe_decel) & accel.simd_ge(-vehicle.safe_decel)
@@ -221,7 +222,8 @@ pub fn anticipated_follower<S: Simd, const N: usize>(
 
 /// Let a driver, not the ego, change lanes where it pays and is safe, or cancel in danger.
 ///
-/// `accel` is the acceleration behind the present leader [m/s^2].
+/// `accel` is the acceleration behind the present leader [m/s^2]. `bodies` are all vehicles as other drivers saw them
+/// before any indicator changed: all drivers decide by the same state.
 #[inline(always)]
 pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -266,6 +268,7 @@ pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
     let driver = state.vehicle(params, slot);
     let direction = driver.lane_change_direction();
     let cancels = checks_mirrors & driver.cancels_lane_change(beliefs, &direction);
+    // A cancelled lane change goes back, to the other side.
     let moves = LaneMoves {
         to_left: (to_left & starts) | (cancels & !direction.is_to_left),
         to_right: (to_right & starts) | (cancels & direction.is_to_left),
@@ -337,6 +340,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let (state, slot) = (self.state, self.slot);
         let (constants, vehicle) = (&self.params.constants, self.vehicle());
         let (gap, closing_speed) = (&beliefs.gap, &beliefs.closing_speed);
+        // After `abort_until`, half of its duration, a lane change is completed sooner than undone.
         let is_early = state.path.elapsed[slot]
             .simd_lt(constants.abort_until * state.path.duration[slot])
             & state.motion.is_wreck[slot].simd_eq(0.0)

@@ -1,7 +1,8 @@
 //! Search for the six neighbours of each vehicle among those that travel in its direction; the twin of
 //! `overtaking.sim.reference.neighbour_search`.
 //!
-//! Left is the overtaking side. During a lane change a vehicle's own lane is the one that it enters.
+//! Lanes and their borders are numbered from the right; left is the overtaking side. During a lane change a vehicle's
+//! own lane is the one that it enters. A *role* is one of the six places of a neighbour, such as `LEFT_LEADER`.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -195,8 +196,9 @@ struct LaneStrip<S: Simd> {
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Find the leaders in the first `NUM_LANES` of `LANE_OFFSETS`, and if `FINDS_FOLLOWERS` also the followers there.
     ///
-    /// `TWO_WAY` is whether the road has oncoming traffic. All other roles get `NO_SLOT`, and their gaps keep old
-    /// values.
+    /// All other roles get `NO_SLOT`, and their gaps keep old values. `TWO_WAY` is whether the road has oncoming
+    /// traffic. Both directions of travel have coordinates of their own, so only vehicles of one direction are
+    /// compared.
     ///
     /// A vehicle counts in every lane that its body overlaps by more than `corridor_margin`; one that straddles a line
     /// counts in both lanes. It also counts in the lane to which it changes: at once if it indicates, otherwise when it
@@ -234,6 +236,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
                 // Roles come in pairs of leader and follower, in the order of the lanes.
                 let role = 2 * index + role_in_lane;
                 let NearestVehicle { slot, distance } = vehicle;
+                // Without a neighbour these are the values of slot 0, and the gap stays at about `FAR`.
                 let [half_length, d] = each_at_slot!(params, slot, |j| [
                     params.vehicles[j].half_length,
                     motion.d[j]

@@ -214,6 +214,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let constants = &params.constants;
         let is_urgent = overtake.must_return_urgently[slot].simd_gt(0.0)
             | overtake.must_abort[slot].simd_gt(0.0);
+        // `slip_speed`, 3 m/s, is the least speed by which the model divides.
         let speed = at_least(self.state.motion.vx[slot], constants.slip_speed);
         let min_duration = constants.min_change_distance / speed;
         let duration = max(params.simulations.urgent_change_duration, min_duration);
@@ -235,7 +236,8 @@ fn carry_out_intent<S: Simd, const N: usize>(
     assign_where(target_slot, intent.starts_pull_out, neighbour_slot[LEADER]);
     // Not `then` with a closure: it would be compiled as a function of its own, without the SIMD features.
     let urgent_duration = if params.road.directions.has_oncoming_traffic {
-        // The target of a driver that passes the next vehicle as well is now that vehicle.
+        // A driver that has passed its target and goes on past the next vehicle in the right lane takes that one as its
+        // target.
         let passes_next = state.vehicle(params, slot).overtakes_next_vehicle(context);
         let target_slot = &mut state.overtake.target_slot[slot];
         assign_where(target_slot, passes_next, neighbour_slot[RIGHT_LEADER]);
@@ -269,14 +271,15 @@ fn set_indicator<S: Simd, const N: usize>(
         params.vehicles[slot].uses_indicator,
     );
     let controls = &mut state.controls;
-    // When the intention ends, `time_indicating` runs down, and the indicator stays on until it is 0. A short doubt
-    // thus does not switch it off.
+    // `update_indicator` counts `time_indicating` up while the driver wants a lane change, and down to 0 when it no
+    // longer does. Until then the indicator stays on: a short doubt does not switch it off.
     let is_on = state.overtake.time_indicating[slot].simd_gt(0.0);
     let indicator = select(is_on, controls.indicator[slot], zero);
     let indicator = select(intent.wants_to_return, -uses_indicator, indicator);
     let indicator = select(intent.wants_to_pull_out, uses_indicator, indicator);
     let keeps_lane = intent.has_finished_lane_change & !is_moving;
     assign_where(&mut controls.indicator[slot], keeps_lane, indicator);
+    // The next lane change will be indicated anew.
     assign_where(&mut state.overtake.time_indicating[slot], is_moving, zero);
 }
 

@@ -1,4 +1,8 @@
 //! The state of a block between two steps; see `overtaking.sim.reference.state`.
+//!
+//! A block is a set of simulations that run side by side, one in each lane of a SIMD vector: an `F32` has one number
+//! for each simulation. `N` is the number of vehicle slots. A step is 10 ms, a decision 50 ms. Left is the overtaking
+//! side, and angles, lateral positions and their derivatives are positive to the left.
 
 use fearless_simd::Simd;
 
@@ -9,18 +13,18 @@ pub use crate::names::neighbour_role::{
 pub use crate::names::stage;
 use crate::params::Params;
 
-/// Number of past decisions whose motion is remembered: enough for the longest reaction delay and the decisions before
-/// it by which braking is judged. A power of two, because `perception` computes the row of a decision by a float32
-/// floor, which is exact only then.
+/// Number of past decisions whose motion is remembered: enough for the longest reaction delay (58 decisions) and the
+/// four decisions before it, by which drivers judge braking. A power of two, because `perception` computes the row of a
+/// decision, its number modulo this length, by a float32 division and floor, which is exact only then.
 pub const HISTORY_LENGTH: usize = 64;
-/// Distance between the histories of two simulations in memory. It is one cache line more than the history needs, so
-/// that the same decision of sixteen simulations does not fall into the same few sets of the cache.
+/// Number of entries from the history of one simulation to the next in memory. It is one cache line more than the
+/// history needs, so that the same decision of sixteen simulations does not fall into the same few sets of the cache.
 pub const HISTORY_STRIDE: usize = HISTORY_LENGTH + 8;
 /// Number of roles of neighbours.
 pub const NUM_ROLES: usize = 6;
 
-/// Whether the vehicle of a role is ahead of the driver. Each leader role has an even number, and the follower role of the same
-/// lane the next one.
+/// Whether the vehicle of a role is ahead of the driver. Each leader role has an even number, and the follower role of
+/// the same lane the next one.
 #[inline(always)]
 pub const fn is_leader_role(role: usize) -> bool {
     role.is_multiple_of(2)
@@ -45,7 +49,7 @@ pub const EGO_SLOT: usize = 0;
 /// One number for each vehicle of each simulation of a block.
 pub type PerVehicle<S, const N: usize> = [F32<S>; N];
 
-/// Station and speed along the road at the last decisions, (vehicle, simulation, decision, 2).
+/// Station [m] and speed along the road [m/s] at the last decisions, (vehicle, simulation, decision, 2).
 ///
 /// Drivers recall successive decisions, so these are adjacent. A history is boxed, because a thread uses the memory of
 /// an ended block for the next one. Each decision is written before it is read, so old numbers need not be cleared.
@@ -58,7 +62,7 @@ pub fn new_history<const N: usize>() -> History<N> {
 
 /// Declare a group of the state: a struct of arrays by vehicle, each with its value at the first frame.
 ///
-/// The fields are listed once, so that none can be forgotten when a simulation moves to another lane.
+/// The fields are listed once, so that none can be forgotten when a simulation moves to another SIMD lane.
 macro_rules! state_group {
     ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident = $start:expr,)* }) => {
         $(#[$doc])*
@@ -95,10 +99,11 @@ state_group! {
         vx = 0.0,
         /// Velocity to the left, in the vehicle's axes [m/s].
         vy = 0.0,
-        /// Yaw rate; of a two-wheeler, in the middle of the last step [rad/s].
+        /// Yaw rate [rad/s]. A two-wheeler turns by its lean, and its value is the yaw rate in the middle of the last
+        /// step.
         yaw_rate = 0.0,
-        /// Mean acceleration ahead by tyre and wind forces over the last step, in the vehicle's axes [m/s^2]. Contacts
-        /// are not part of it.
+        /// Mean acceleration ahead by tyre and wind forces, without contacts, over the last step, in the vehicle's axes
+        /// [m/s^2].
         accel_lon = 0.0,
         /// The same to the left [m/s^2].
         accel_lat = 0.0,
@@ -116,7 +121,7 @@ state_group! {
 state_group! {
     /// Pedals, wheels and lamps that drivers operate.
     Controls {
-        /// Acceleration that the driver requests of the vehicle [m/s^2].
+        /// Acceleration that the driver requests by its pedals [m/s^2].
         requested_accel = 0.0,
         /// Front wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2].
         wheel_angle = 0.0,
@@ -134,7 +139,7 @@ state_group! {
 
 /// The lateral path of the last lane change, a polynomial of time.
 pub struct LateralPath<S: Simd, const N: usize> {
-    /// Six coefficients of the lateral position by vehicle [m/s^k].
+    /// Lateral position as a polynomial of `elapsed`, by vehicle: entry k is the coefficient of its power k [m/s^k].
     pub coefficients: [[F32<S>; 6]; N],
     /// Time since the path began [s].
     pub elapsed: PerVehicle<S, N>,
@@ -154,9 +159,10 @@ impl<S: Simd, const N: usize> CopyLane for LateralPath<S, N> {
 state_group! {
     /// The lane of each vehicle, and the change that its driver wants.
     LaneChoice {
-        /// Index, from the right, of the lane that the vehicle is in or changes to.
+        /// Index of the lane that the vehicle drives in or changes to, counted from the right.
         lane = 0.0,
-        /// Time since the last lane change began; no change holds a driver back before its first decision [s].
+        /// Time since the last lane change began [s]. It starts at the longest pause after a lane change, `cooldown`,
+        /// so that no driver waits for it.
         time_since_lane_change = 10.0,
         /// Side of the lane change that the driver wants, as `Controls::indicator`.
         wanted_side = 0.0,
@@ -247,7 +253,7 @@ state_group! {
     }
 }
 
-/// Vehicles that drivers have seen and remember.
+/// Attention and memory of drivers.
 pub struct Attention<S: Simd, const N: usize> {
     /// Slot of the neighbour in each role at the last look; `NEVER_LOOKED` at first.
     pub slot_in_view: [[F32<S>; NUM_ROLES]; N],
@@ -281,7 +287,7 @@ impl<S: Simd, const N: usize> CopyLane for Attention<S, N> {
 state_group! {
     /// The first contact of each vehicle.
     FirstContact {
-        /// Slot of the other vehicle, `NO_SLOT` before a contact.
+        /// Slot of the vehicle that is touched, `NO_SLOT` before a contact.
         partner = NO_SLOT,
         /// Time of the contact [s].
         time = 0.0,
@@ -338,7 +344,10 @@ impl<S: Simd, const N: usize> CopyLane for State<S, N> {
     }
 }
 
-/// Station and lateral position in the frame of the other direction where the mask holds, else unchanged [m].
+/// Station and lateral position in the frame of the other direction where `is_reversed`, else unchanged [m].
+///
+/// The frames of opposite directions differ by half a turn; `edge_sum` is the sum of the lateral positions of both road
+/// edges.
 #[inline(always)]
 pub fn in_opposite_frame<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -362,6 +371,7 @@ impl<S: Simd, const N: usize> State<S, N> {
             motion: Motion::at_start(simd),
             controls: Controls::at_start(simd),
             path: LateralPath {
+                // A path of one second that has ended: the vehicle keeps its lateral position.
                 coefficients: [[splat(simd, 0.0); 6]; N],
                 elapsed: [splat(simd, 1.0); N],
                 duration: [splat(simd, 1.0); N],
@@ -393,9 +403,9 @@ impl<S: Simd, const N: usize> State<S, N> {
         state
     }
 
-    /// Add a distance to the station, and a speed to the speed, of a vehicle in one simulation.
+    /// Add `shift` [m] to the station of a vehicle in one SIMD lane, and `speed_change` [m/s] to its speed.
     ///
-    /// The history changes alike. Otherwise drivers would recall the vehicle at its old place and see it jump.
+    /// The history changes by the same. Otherwise drivers would recall the vehicle at its old place and see it jump.
     pub fn displace_vehicle(&mut self, slot: usize, lane: usize, shift: f32, speed_change: f32) {
         if shift == 0.0 && speed_change == 0.0 {
             return;

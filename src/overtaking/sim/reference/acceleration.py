@@ -1,7 +1,9 @@
 """Acceleration that each driver requests until its next decision, 0.05 s later.
 
-Arrays have shape (vehicle, simulation). Left is the overtaking side. During a lane change the
-driver's lane is the one that it enters, and its old lane the one that it leaves.
+Arrays have shape (vehicle, simulation); those about neighbours, such as `beliefs.gap`, have the
+role of the neighbour as first axis. Left is the overtaking side, and lateral positions grow to the
+left. During a lane change the driver's lane is the one that it enters, and its old lane the one
+that it leaves. A driver passes from its pull-out until it begins to return or to abort.
 """
 
 import numpy as np
@@ -52,7 +54,7 @@ def accel_behind_leader(state: State, params: StepParameters, context: DecisionC
         accel=beliefs.accel[LEADER],
     )
     accel = acc_accel(constants, follower, leader)
-    is_passing = state.is_before_return(slice(None))
+    is_passing = state.is_before_return(slice(None))  # The slice selects all vehicles.
     # `accel_limit` slows drivers down for a lower speed limit ahead. In this model a passing driver
     # slows down for it only after the pass.
     accel = np.where(is_passing, accel, minimum(accel, state.road.accel_limit))
@@ -129,7 +131,7 @@ def accel_behind_old_leader(state: State, params: StepParameters, context: Decis
     time_to_clear = maximum(
         constants.lane_cleared_share * state.path.duration - state.path.elapsed, ZERO
     )
-    # `leader.accel` is never positive: the driver adds the braking of its old leader to its own.
+    # `perception` clips `leader.accel` at 0, so the driver adds the braking of its old leader here.
     needed_decel = (
         _braking_until_clear(
             constants,
@@ -171,16 +173,17 @@ def _braking_until_clear(constants: ModelConstants, gap: F32, closing_speed: F32
 def apply_pedals(
     state: State, params: StepParameters, leader_accel: F32, old_leader_accel: F32
 ) -> None:
-    """Move the requested acceleration towards the target, faster if the target is hard braking.
+    """Move the requested acceleration towards its target, faster if the target is hard braking.
 
-    The brakes alone limit the request. In an emergency a driver requests more braking than it
-    believes the road allows; tyres and anti-lock brakes then limit the actual braking.
+    The target is the smaller one of the two accelerations in the arguments. The brakes alone limit
+    the request. In an emergency a driver requests more braking than it believes the road allows;
+    tyres and anti-lock brakes then limit the actual braking.
 
     Args:
         state: Its `controls` change.
         params: Parameters of the batch.
-        leader_accel: Acceleration behind the leader, less for oncoming traffic and in a pass
-            [m/s^2].
+        leader_accel: Acceleration behind the leader; where oncoming traffic or the pass demands a
+            smaller one, that one [m/s^2].
         old_leader_accel: Acceleration behind the leader in the old lane [m/s^2].
 
     Source:
@@ -194,6 +197,7 @@ def apply_pedals(
     jerk_up = np.where(requested_accel < 0, constants.jerk_release, constants.jerk_up)
     # Drivers reach any braking within `brake_ramp`, so hard braking builds up faster.
     jerk_down = maximum(-target_accel / constants.brake_ramp, constants.jerk_down)
+    # `constants.decision` is the time between two decisions [s].
     change = clamp(
         target_accel - requested_accel,
         -(jerk_down * constants.decision),
@@ -260,6 +264,7 @@ def _shift_to_edge(
     # An overtaking driver keeps to the path of its lane change.
     overtakes = state.is_overtaking()
     starts = starts & (state.motion.is_wreck == 0) & (vehicles.valid > 0) & ~overtakes
+    # `offset` counts lanes to the left of the driver's lane.
     right_edge, left_edge = lane_borders(state, params, offset=0.0)
     # A choice of this model: without an oncoming vehicle the move takes twice as long.
     duration = np.where(brakes, constants.edge_shift_duration, TWO * constants.edge_shift_duration)

@@ -75,11 +75,13 @@ def iidm_accel(constants: ModelConstants, follower: Follower, leader: Leader) ->
     """
     vehicle = follower.vehicle
     s_star = desired_gap(vehicle, follower.speed, follower.time_gap, leader.closing_speed)
+    # Desired gap over gap.
     z = s_star / maximum(leader.gap, constants.min_effective_gap)
     speed_ratio = follower.speed / follower.desired_speed
     # The exponents, 4 below the desired speed and 4 a / b (`overspeed_exponent`) above it, give
     # both branches the same slope there. `following.free_exponent` in `model.toml` sets only the
-    # second exponent: change the fourth power here together with it. Powers use `exp` and `log`.
+    # second exponent: change the fourth power here together with it. Other powers are
+    # exp(exponent * log(base)), which has the same bits on every machine; `**` depends on the CPU.
     square = speed_ratio * speed_ratio
     free_accel_below = vehicle.accel * (ONE - square * square)
     decay = exp(-vehicle.overspeed_exponent * log(maximum(speed_ratio, ONE)))
@@ -191,6 +193,7 @@ def imposed_accel(
     Source:
         Kesting, Treiber, Helbing 2007, whose safety criterion uses the unblended model.
     """
+    # Desired gap over gap.
     z = desired_gap(vehicle, speed, time_gap, leader.closing_speed) / maximum(
         leader.gap, constants.min_effective_gap
     )

@@ -1,4 +1,9 @@
-"""Contacts: oriented boxes, swept over a step, and the exchange of momentum."""
+"""Contacts: oriented boxes, swept over a step, and the exchange of momentum.
+
+A frame has the direction of travel of a vehicle: s ahead along the road, d to the left. The two
+vehicles of a pair are `first` and `second`, and the frame of the first is used for both. A step
+lasts 10 or 50 ms; a *share* of it is a part from 0 to 1.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,11 +18,11 @@ from overtaking.sim.reference.state import State
 from overtaking.world.step_parameters import StepParameters
 
 _MIN_MOTION = np.float32(1e-6)  # Keeps the time of contact finite without relative motion [m].
-_UNBOUNDED = np.float32(1e9)  # Bound of an overlap that no axis has narrowed yet, in steps.
+_UNBOUNDED = np.float32(1e9)  # Bound of an overlap that no axis has narrowed yet [shares].
 
 
 class RoadVector(NamedTuple):
-    """A vector in road coordinates: a position or its difference [m], or a velocity [m/s]."""
+    """A vector in a frame: a position, a difference of positions [m], or a velocity [m/s]."""
 
     s: F32
     d: F32
@@ -29,7 +34,7 @@ class OrientedBox:
 
     Attributes:
         s, d: Centre [m].
-        sine, cosine: Of the angle between the vehicle and the road.
+        sine, cosine: Sine and cosine of the body's angle to the s axis.
         half_length, half_width: Half of the sizes [m].
     """
 
@@ -43,9 +48,7 @@ class OrientedBox:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairFrame:
-    """Transformation from the axes of the second vehicle of a pair to the axes of the first.
-
-    The axes of a frame follow the direction of travel of its vehicle.
+    """Transformation from the frame of the second vehicle of a pair to the frame of the first.
 
     Attributes:
         turn: 1, or -1 for vehicles of opposite directions, whose axes are opposite, (simulation,).
@@ -72,7 +75,7 @@ class VehiclePair:
 
     Attributes:
         first, second: Their slots.
-        frame: From the frame of the second vehicle to that of the first.
+        frame: Transformation from the frame of the second vehicle to the frame of the first.
         is_near: In which simulations they may touch, (simulation,).
     """
 
@@ -86,7 +89,7 @@ class PairMember(NamedTuple):
     """One vehicle of a pair."""
 
     slot: int
-    frame: PairFrame  # From its own frame to the frame of the first vehicle.
+    frame: PairFrame  # Transformation from its own frame to the frame of the first vehicle.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,8 +111,8 @@ class SweptStep:
 class RemainingStep(NamedTuple):
     """Part of a step that is still to come, (simulation,)."""
 
-    share: F32  # By which the position is moved back, 0 to 1.
-    time: F32  # By which the heading is turned back [s].
+    share: F32  # Share by which the position is moved back towards its start, 0 to 1.
+    time: F32  # Time by which the heading is turned back [s].
 
 
 class SweptOverlap(NamedTuple):
@@ -132,9 +135,10 @@ class Impact:
     Attributes:
         exists: Whether they touch in this step.
         normal_s, normal_d: Unit normal from the first to the second.
-        lever_first, lever_second: Levers of the impulse about both centres [m].
+        lever_first, lever_second: Levers of the impulse about both centres, positive if an impulse
+            along the normal turns the vehicle to the left [m].
         closing_speed: Closing speed along the normal [m/s].
-        time: Time of the contact [s].
+        time: Time of the contact since the start of the simulation [s].
         remaining_time: Rest of the step [s].
     """
 
@@ -151,12 +155,12 @@ class Impact:
 class Impulse(NamedTuple):
     """Impulse on one vehicle in its own frame, (simulation,)."""
 
-    size: F32  # Along the normal [N s].
-    lever: F32  # About the vehicle's centre [m].
+    size: F32  # Along the normal, negative against it [N s].
+    lever: F32  # Lever about the vehicle's centre [m].
 
 
 def pair_frame(params: StepParameters, first: int, second: int | slice) -> PairFrame:
-    """The transformation from the frame of the second vehicle, or of several, to the first."""
+    """The transformation to the frame of the first vehicle from the frame of one or more others."""
     travel_sign, road = params.vehicles.travel_sign, params.road
     turn = travel_sign[first] * travel_sign[second]
     return PairFrame(turn=turn, road_length=road.length, edge_sum=road.edge_sum)
@@ -260,10 +264,10 @@ def _find_impact(
 ) -> Impact | None:
     """The contact of a pair during the step; None if the first sweep finds none in any simulation.
 
-    The boxes keep their heading while they are swept: first the heading at the end of the step,
-    then the heading at the time of contact that this gives. One correction is enough: the
-    times of contact differ by at most 10 ms from a simulation with steps of 1 ms
-    (`tests/reference/test_contact_times.py`).
+    The boxes keep their heading while they are swept. The first sweep takes the heading at the end
+    of the step; the second takes the heading at the time of contact that the first has found. Two
+    sweeps are enough: the times of contact differ by at most 10 ms from a simulation with steps of
+    1 ms (`tests/reference/test_contact_times.py`).
     """
     s, d = state.motion.s, state.motion.d
     start_s, start_d = swept.start
@@ -279,6 +283,7 @@ def _find_impact(
     member_1, member_2 = PairMember(first, own_frame), PairMember(second, frame)
 
     def boxes_before(remaining: RemainingStep) -> tuple[OrientedBox, OrientedBox]:
+        """The bodies of both vehicles when this part of the step was still to come."""
         return (
             _box_at(state, params, member_1, swept.start, remaining),
             _box_at(state, params, member_2, swept.start, remaining),
@@ -289,7 +294,7 @@ def _find_impact(
     # Most near pairs do not touch; to return here saves most of the time of `sim.reference`.
     if not touches.any():
         return None
-    # Without a contact in the first sweep, the second has no time of contact to take headings from.
+    # Where the first sweep has found a contact, the second takes its headings at that time.
     share = ONE - clamp(overlap.enter, ZERO, ONE)
     time = share * swept.length
     overlap = swept_overlap(*boxes_before(RemainingStep(share, time)), start_offset, end_offset)
@@ -298,7 +303,7 @@ def _find_impact(
     # which gave this time: levers at any other time would create spin.
     boxes = boxes_before(RemainingStep(ONE - enter, time))
     arm_first, arm_second = _contact_arms(*boxes)
-    # A contact changes the velocities at the end of the step.
+    # Velocities are those at the end of the step, which a contact then changes.
     velocity_first = _point_velocity(state, first, arm_first, own_frame.turn)
     velocity_second = _point_velocity(state, second, arm_second, frame.turn)
     normal_s, normal_d = overlap.normal_s, overlap.normal_d
@@ -341,8 +346,8 @@ def _impulse_size(params: StepParameters, impact: Impact, pair: VehiclePair) -> 
 def _record_contact(state: State, impact: Impact, size: F32, slot: int, partner: int) -> None:
     """Keep the first contact of a vehicle, and make it a wreck.
 
-    Pairs are resolved in the order of slots, so of two contacts in one step the earlier may come
-    second. Slots and flags are float32, as all of the state and all vectors of the engine.
+    Pairs are resolved in the order of slots, so a contact that is earlier in the step may be
+    resolved later. Slots and flags are float32, as all of the state.
     """
     contact, is_wreck = state.first_contact, state.motion.is_wreck
     is_earlier = (contact.partner[slot] < 0) | (impact.time < contact.time[slot])
@@ -363,7 +368,7 @@ def _box_at(
     start: RoadVector,
     remaining: RemainingStep,
 ) -> OrientedBox:
-    """The body of a vehicle when a part of the step was still to come, in the first frame."""
+    """The body of a vehicle when `remaining` was still to come, in the frame of `first`."""
     motion, vehicles, slot = state.motion, params.vehicles, member.slot
     turn = member.frame.turn
     sine, cosine = sincos(motion.heading[slot] - remaining.time * motion.yaw_rate[slot])
@@ -465,8 +470,8 @@ def _point_velocity(state: State, slot: int, arm: RoadVector, turn: F32) -> Road
     Args:
         state: State of the batch.
         slot: Slot of the vehicle.
-        arm: The point relative to the centre, in the frame [m].
-        turn: 1 in the vehicle's own frame, -1 in the opposite one.
+        arm: The point relative to the centre, in this frame [m].
+        turn: 1 if the frame is the vehicle's own, -1 if it is the opposite one.
     """
     motion = state.motion
     vx, vy, yaw_rate = motion.vx[slot], motion.vy[slot], motion.yaw_rate[slot]

@@ -1,4 +1,9 @@
-"""Perception of drivers at one decision: data only, without the functions that compute it."""
+"""Perception of drivers at one decision: data only, without the functions that compute it.
+
+A *role* is the place of a neighbour: leader, follower, left leader, left follower, right leader,
+right follower; the first axis of arrays by role has this order. Left is the overtaking side. A
+*slot* is the number of a vehicle in its simulation, a whole float32.
+"""
 
 from dataclasses import dataclass
 
@@ -7,10 +12,10 @@ from overtaking.core.arrays import F32, Mask
 
 @dataclass(slots=True, kw_only=True)
 class Neighbours:
-    """Nearest vehicles in the same direction of travel by role; `state` lists the roles.
+    """Nearest vehicles in the same direction of travel by role.
 
     Attributes:
-        slot: Slot of the neighbour as a whole number, or `NO_SLOT`, (role, vehicle, simulation).
+        slot: Slot of the neighbour, or `NO_SLOT`, (role, vehicle, simulation).
         gap: Gap between bumpers, negative when alongside, (role, vehicle, simulation) [m].
         distance: Distance of the centres along the road, never negative,
             (role, vehicle, simulation) [m].
@@ -55,13 +60,14 @@ class OncomingVehicle:
     Arrays have shape (vehicle, simulation).
 
     Attributes:
-        slot: Slot of the vehicle as a whole number, or `NO_SLOT`.
+        slot: Slot of the vehicle, or `NO_SLOT`.
         gap: Gap between the front bumpers [m].
         half_length: Half of its length [m].
         is_detected: Whether the driver has detected it.
         is_certain: Whether the driver has looked long enough to know if a vehicle is coming.
         believed_gap: Believed gap, `ModelConstants.oncoming_range` without a detected vehicle [m].
-        closing_speed: Believed closing speed, the expected one without a detected vehicle [m/s].
+        closing_speed: Believed closing speed; without a detected vehicle the closing speed of one
+            that the driver assumes to be out of sight [m/s].
         sight_distance: Sight distance in the lane of the vehicle: the opposing lane, or for
             `in_own_lane` the driver's own [m].
     """

@@ -67,9 +67,10 @@ class RequestedCancels(NamedTuple):
 
 
 def action_at(actions: Actions | None, decision_index: int) -> EgoAction | None:
-    """The action at a decision; after the end of the record, its last action."""
+    """The action at a decision; after the last recorded action, that one again."""
     if actions is None:
         return None
+    # `actions.values` has shape (simulation, decision, part).
     row = actions.values[:, min(decision_index, actions.values.shape[1] - 1)]
     return action_from_integers(actions.kind, row)
 
@@ -81,7 +82,7 @@ def action_from_integers(kind: str, integers: NDArray[np.int32]) -> EgoAction:
         kind: A name in `ACTION_KINDS`.
         integers: Each part as a number of steps of its resolution, shape (simulation, part).
     """
-    # Divisors, because float32 holds 1000 exactly, but not a resolution of 0.001.
+    # A division by 1000 instead of a product with 0.001, because float32 holds only 1000 exactly.
     steps_per_unit = [np.float32(round(1.0 / part.resolution)) for part in ACTION_KINDS[kind]]
     values = (integers[:, k].astype(np.float32) / steps for k, steps in enumerate(steps_per_unit))
     return EgoAction(kind=kind, values=tuple(values))
@@ -117,9 +118,9 @@ def requested_wheel_angle(action: EgoAction | None) -> F32 | None:
 def set_requested_indicator(state: State, action: EgoAction) -> None:
     """Set the ego's indicator, whether or not the model's driver uses its indicator.
 
-    Only two kinds of action contain the indicator. In "accel_move" a `Move` with a side sets it. In
-    "accel_steer_signal" `lane_change` only sets the indicator, because the wheel angle changes
-    lanes; 0 switches it off.
+    Only two kinds of action contain the indicator; with the others `overtake` sets it. In
+    "accel_move" a `Move` with a side sets it. In "accel_steer_signal" `lane_change` only sets the
+    indicator, because the wheel angle changes lanes; 0 switches it off.
     """
     if action.kind not in ("accel_move", "accel_steer_signal"):
         return
@@ -217,14 +218,15 @@ def _requested_cancels(action: EgoAction) -> RequestedCancels:
 def _intent_from_position(state: State, params: StepParameters) -> Intent:
     """Intent of an ego that is steered by a wheel angle, from the lane that its centre is in.
 
-    Its lane changes are known only once the centre has crossed a line, so it has no wish before.
+    The model knows of its lane change only once the centre has crossed a line, so the ego never
+    wants one: it starts it.
     """
     road, d = params.road, state.motion.d[EGO_SLOT]
     present_lane = np.zeros_like(state.overtake.stage[EGO_SLOT])
     for k in range(1, road.num_lanes):
         # `boundaries[k]` is the right border of lane k.
         present_lane = np.where(d >= road.boundaries[k], np.float32(k), present_lane)
-    # `lane_choice.lane` is the lane at the last decision.
+    # `lane_choice.lane` is the lane at the last decision; lanes are numbered from the right.
     has_crossed_left_line = present_lane > state.lane_choice.lane[EGO_SLOT]
     has_crossed_right_line = present_lane < state.lane_choice.lane[EGO_SLOT]
     pulls_out = state.is_in_stage(Stage.PULL_OUT, EGO_SLOT)

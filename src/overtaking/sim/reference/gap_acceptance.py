@@ -256,6 +256,7 @@ def accepts_pull_out_gaps(params: StepParameters, inputs: GapAcceptanceInputs) -
     is_free_ahead = accel >= -vehicle.decel
     gap, closing_speed = inputs.gap[LEFT_FOLLOWER], inputs.closing_speed[LEFT_FOLLOWER]
     follower_accel_now = imposed_accel_by_driver(params, inputs, gap, closing_speed)
+    # `anticipated_follower` gives gap and closing speed of a follower that accelerates for 2 s.
     follower_accel_soon = imposed_accel_by_driver(
         params, inputs, *anticipated_follower(params, gap, closing_speed)
     )
@@ -319,11 +320,13 @@ def accepts_urgent_return_gaps(params: StepParameters, inputs: GapAcceptanceInpu
     constants = params.constants
     leader, closing_speed = inputs.leader(RIGHT_LEADER), inputs.closing_speed[RIGHT_FOLLOWER]
     time_to_line = HALF * params.simulations.urgent_change_duration
-    # Growth of the gap ahead counts too, so a driver slower than the leader need not wait for it.
+    # The gap ahead may also grow until then, so a driver slower than the leader need not wait for
+    # it. Growth of the gap behind does not count (a choice of this model).
     leader_gap = leader.gap - time_to_line * leader.closing_speed
     follower_gap = inputs.gap[RIGHT_FOLLOWER] - time_to_line * maximum(closing_speed, ZERO)
     has_space = minimum(follower_gap, leader_gap) > constants.min_return_gap
     accel = cah_accel(constants, inputs.speed, leader)
+    # `abort_factor` is a factor on the comfortable deceleration.
     return has_space & (accel >= -(constants.abort_factor * inputs.vehicle.decel))
 
 
@@ -361,7 +364,7 @@ def form_intent(
     may_return = has_indicated
     if continuation is not None:
         # A driver that aborts returns behind its target without waiting for mirrors or indicator.
-        # The state machine starts this return as a cancelled pull-out.
+        # `overtake` carries this return out as a cancelled pull-out.
         falls_back = (
             continuation.must_abort & continuation.fits_into_lane & has_gap_behind(params, inputs)
         )
@@ -503,12 +506,12 @@ def update_indicator(
     wants_to_pull_out: Mask,
     wants_to_return: Mask,
 ) -> None:
-    """Store the wanted side, 1 left, -1 right or 0, and the time for which it has been wanted."""
+    """Store the side that drivers want, 1 left, -1 right or 0, and how long they have wanted it."""
     interval, wants_change = params.constants.decision, wants_to_pull_out | wants_to_return
     side = np.where(wants_to_pull_out, ONE, np.where(wants_to_return, -ONE, ZERO))
     state.lane_choice.wanted_side[slots] = side
-    # The time counts whether or not the driver uses its indicator. It runs down when the wish ends,
-    # so a short doubt does not restart the lead time.
+    # The time counts whether or not the driver uses its indicator. Without a wish it falls to 0 as
+    # fast as it has grown, so a short doubt does not restart the lead time.
     time_indicating = state.overtake.time_indicating[slots]
     state.overtake.time_indicating[slots] = np.where(
         wants_change, time_indicating + interval, maximum(time_indicating - interval, ZERO)

@@ -2,8 +2,9 @@
 
 MOBIL (Kesting, Treiber, Helbing 2007) weighs a driver's gain in acceleration against the loss of
 its followers. On one-way roads all drivers but the ego decide by it. `start_lane_changes` starts
-the lane changes of all drivers. Left is the overtaking side. During a lane change the driver's lane
-is the one that it enters, and its old lane the one that it leaves.
+the lane changes of all drivers. Left is the overtaking side; lanes are numbered from the right.
+During a lane change the driver's lane is the one that it enters, and its old lane the one that it
+leaves. Beliefs about a neighbour that is not detected are a gap of 1000 m and a closing speed of 0.
 """
 
 from dataclasses import dataclass
@@ -52,7 +53,7 @@ class MobilIncentives(NamedTuple):
 class LaneClaims(NamedTuple):
     """Lanes that drivers claim by their indicators, (vehicle, simulation)."""
 
-    lane: F32  # Lane of the vehicle.
+    lane: F32  # Lane in which the vehicle is.
     side: F32  # Side that it indicates before it moves over: 1 left, -1 right, 0 for neither.
 
 
@@ -250,7 +251,7 @@ def is_safe_lane_change(
     )
     leader = Leader(gap=gap, closing_speed=closing_speed)
     accel = imposed_accel(constants, vehicle, speed, vehicle.time_gap, leader)
-    # `min_rear_gap` is the least gap to the leader, too.
+    # `min_rear_gap` is the least gap to the follower, and in this model also to the leader.
     has_space = (rear_gap > constants.min_rear_gap) & (gap > constants.min_rear_gap)
     is_safe_for_follower = minimum(rear_accel_now, rear_accel_soon) >= -vehicle.safe_decel
     return has_space & is_safe_for_follower & (accel >= -vehicle.safe_decel)
@@ -280,7 +281,7 @@ def change_lanes_by_mobil(
     """
     vehicles, beliefs, choice = params.vehicles, context.beliefs, state.lane_choice
     checks_mirrors = context.checks_mirrors
-    # The claims are from before any indicator changes: all drivers decide by the same state.
+    # Claims from before any indicator changes at this decision: all drivers decide by the same ones.
     claims = lane_claims(state)
     driver = Follower(
         vehicle=vehicles,
@@ -312,6 +313,7 @@ def change_lanes_by_mobil(
     )
     direction = lane_change_direction(state, params)
     cancels = checks_mirrors & _cancels_lane_change(state, params, beliefs, direction)
+    # A cancelled lane change goes back, to the other side.
     moves = LaneMoves(
         to_left=(to_left & starts) | (cancels & ~direction.is_to_left),
         to_right=(to_right & starts) | (cancels & direction.is_to_left),
@@ -412,6 +414,7 @@ def _cancels_lane_change(
         old_follower_gap=old_follower_gap,
     )
     is_dangerous = lane_change_is_dangerous(constants, risk)
+    # After `abort_until`, half of its duration, a lane change is completed sooner than undone.
     is_early = state.path.elapsed < constants.abort_until * state.path.duration
     has_mobil_driver = (state.motion.is_wreck == 0) & (vehicles.valid > 0)
     has_mobil_driver[EGO_SLOT] = False

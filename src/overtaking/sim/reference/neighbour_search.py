@@ -1,7 +1,8 @@
 """Search for the six neighbours of each vehicle among those that travel in its direction.
 
-Arrays have shape (vehicle, simulation) unless stated. Left is the overtaking side. During a lane
-change a vehicle's own lane is the one that it enters.
+Arrays have shape (vehicle, simulation) unless stated. Lanes and their borders are numbered from the
+right; left is the overtaking side. During a lane change a vehicle's own lane is the one that it
+enters. A *role* is one of the six places of a neighbour, such as `LEFT_LEADER`.
 """
 
 import numpy as np
@@ -42,6 +43,7 @@ def find_neighbours(state: State, params: StepParameters) -> Neighbours:
     for other_slot in range(len(motion.s)):
         distance_ahead = nearest_image(params, motion.s[other_slot] - motion.s)
         lateral_distance = motion.d[other_slot] - motion.d
+        # Both directions of travel have coordinates of their own, so only one's own is compared.
         is_candidate = (vehicles.valid[other_slot] > 0) & (
             vehicles.travel_sign[other_slot] == vehicles.travel_sign
         )
@@ -57,6 +59,7 @@ def find_neighbours(state: State, params: StepParameters) -> Neighbours:
             role = 2 * k
             nearest.consider(role, other_slot, is_leader, distance_ahead, lateral_distance)
             nearest.consider(role + 1, other_slot, is_follower, -distance_ahead, lateral_distance)
+    # Without a neighbour this is the length of slot 0, and the gap stays at about `FAR`.
     half_length = value_at_slot(vehicles.half_length, nearest.slot)
     return Neighbours(
         slot=nearest.slot,
@@ -78,7 +81,7 @@ def nearest_image(params: StepParameters, distance: F32) -> F32:
 
 
 def visibly_changes_lane(state: State, params: StepParameters, slot: int) -> Mask:
-    """Whether others can see to which lane the vehicle in a slot is changing, (simulation,)."""
+    """Whether the vehicle in a slot changes lanes and others can see it, (simulation,)."""
     # A wreck counts only where its body is. Without this rule a wreck with its indicator on counted
     # in its new lane however far away it slid, and drivers braked in a free lane.
     elapsed, duration = state.path.elapsed[slot], state.path.duration[slot]

@@ -125,6 +125,7 @@ def _urgent_change_durations(state: State, params: StepParameters, slots: SlotSe
     """
     overtake, constants = state.overtake, params.constants
     is_urgent = (overtake.must_return_urgently[slots] > 0) | (overtake.must_abort[slots] > 0)
+    # `slip_speed`, 3 m/s, is the least speed by which the model divides.
     speed = maximum(state.motion.vx[slots], constants.slip_speed)
     min_duration = constants.min_change_distance / speed
     duration = maximum(params.simulations.urgent_change_duration, min_duration)
@@ -192,7 +193,8 @@ def _carry_out_intent(
     target_slot = np.where(intent.starts_pull_out, neighbour_slot[LEADER, slots], target_slot)
     urgent_duration = None
     if params.road.has_oncoming_traffic:
-        # The target of a driver that passes the next vehicle as well is now that vehicle.
+        # A driver that has passed its target and goes on past the next vehicle in the right lane
+        # takes that one as its target.
         passes_next = overtakes_next_vehicle(state, params, context, slots)
         target_slot = np.where(passes_next, neighbour_slot[RIGHT_LEADER, slots], target_slot)
         urgent_duration = _urgent_change_durations(state, params, slots)
@@ -221,13 +223,15 @@ def _set_indicator(
     overtake, controls = state.overtake, state.controls
     uses_indicator = params.vehicles.uses_indicator[slots]
     time_indicating = overtake.time_indicating[slots]
-    # When the intention ends, `time_indicating` runs down, and the indicator stays on until it is
-    # 0. A short doubt thus does not switch it off.
+    # `update_indicator` counts `time_indicating` up while the driver wants a lane change, and down
+    # to 0 when it no longer does. Until then the indicator stays on: a short doubt does not switch
+    # it off.
     indicator = np.where(time_indicating > 0, controls.indicator[slots], ZERO)
     indicator = np.where(intent.wants_to_return, -uses_indicator, indicator)
     indicator = np.where(intent.wants_to_pull_out, uses_indicator, indicator)
     keeps_lane = intent.has_finished_lane_change & ~is_moving
     controls.indicator[slots] = np.where(keeps_lane, indicator, controls.indicator[slots])
+    # The next lane change will be indicated anew.
     overtake.time_indicating[slots] = np.where(is_moving, ZERO, time_indicating)
 
 

@@ -1,4 +1,9 @@
-"""The state of a batch between two steps, and the questions that many functions ask about it."""
+"""The state of a batch between two steps, and the questions that many functions ask about it.
+
+A batch is a set of simulations, in which vehicles have the same slots. A step is 10 ms, a decision
+50 ms. Left is the overtaking side, and angles, lateral positions and their derivatives are positive
+to the left. Numbers of slots, lanes and stages are float32, as all of the state, with whole values.
+"""
 
 from dataclasses import dataclass
 from typing import Self, TypeVar
@@ -19,13 +24,13 @@ modulo this length, by a float32 division and floor, which is exact only then.
 """
 
 NEVER_LOOKED = np.float32(-2.0)
-"""In `Attention.slot_in_view` and `Attention.oncoming_slot` before the first decision."""
+"""Value of `Attention.slot_in_view` and `Attention.oncoming_slot` before the first decision."""
 
 LEADER, FOLLOWER, LEFT_LEADER, LEFT_FOLLOWER, RIGHT_LEADER, RIGHT_FOLLOWER = range(6)
 """Roles of neighbours, as `model.neighbours.NeighbourRole`; left is the overtaking side."""
 
 ONCOMING_ROLE = 6
-"""Role of an oncoming vehicle in recorded percepts, which have the number of a role."""
+"""Role of an oncoming vehicle where the recorder stores beliefs by role."""
 
 NO_SLOT = np.float32(-1.0)
 """Slot of a neighbour, a target or a partner that does not exist."""
@@ -34,7 +39,7 @@ NO_ACCEL_LIMIT = np.float32(1e9)
 """An acceleration that limits nothing [m/s^2]."""
 
 FAR = np.float32(1e9)
-"""A distance without a vehicle [m], or the time until a driver meets none [s]."""
+"""Distance [m] or time [s] to a vehicle that does not exist."""
 
 SlotSelection = int | slice
 """Slots of drivers. An int gives arrays of shape (simulation,), a slice (vehicle, simulation)."""
@@ -53,13 +58,13 @@ class Motion:
         s: Station of the body's centre [m].
         d: Lateral position of the centre, growing to the left [m].
         heading: Angle to the road, positive to the left [rad].
-        vx, vy: Velocity in the vehicle's axes [m/s].
-        yaw_rate: Yaw rate; of a two-wheeler, which turns by its lean, that in the middle of the
-            last step [rad/s].
+        vx, vy: Velocity ahead and to the left, in the vehicle's axes [m/s].
+        yaw_rate: Yaw rate [rad/s]. A two-wheeler turns by its lean, and its value is the yaw rate
+            in the middle of the last step.
         accel_lon, accel_lat: Mean acceleration by tyre and wind forces over the last step, in the
-            vehicle's axes [m/s^2]. Contacts are not part of it: they change the velocity at once,
-            so that their acceleration would depend on the length of the step and outweigh all
-            others in statistics.
+            vehicle's axes [m/s^2]. Contacts are left out: they change the velocity at once, so
+            that their acceleration would depend on the length of the step and outweigh all other
+            accelerations in statistics.
         yaw_accel: Mean yaw acceleration over the last step [rad/s^2].
         is_wreck: 1 if the vehicle has collided or has left the road, else 0.
     """
@@ -100,7 +105,8 @@ class LateralPath:
     """The lateral path of the last lane change, a polynomial of time.
 
     Attributes:
-        coefficients: Six coefficients of the lateral position, (6, vehicle, simulation) [m/s^k].
+        coefficients: Lateral position as a polynomial of `elapsed`: the coefficient of its power k
+            is in row k, (6, vehicle, simulation) [m/s^k].
         elapsed: Time since the path began, (vehicle, simulation) [s].
         duration: Time after which the lateral position stays, (vehicle, simulation) [s].
     """
@@ -115,7 +121,7 @@ class LaneChoice:
     """The lane of each vehicle, and the lane change that its driver wants; (vehicle, simulation).
 
     Attributes:
-        lane: Index of the lane that it drives in or changes to, from the right.
+        lane: Index of the lane that it drives in or changes to, counted from the right.
         time_since_lane_change: Time since the last lane change began [s].
         wanted_side: Side of the lane change that the driver wants, as `Controls.indicator`.
         time_wanted: Time for which a MOBIL driver has wanted that side [s].
@@ -230,7 +236,8 @@ class Attention:
         oncoming_time_in_view: Time for which the same vehicle, or none, has been in view, same
             shape [s].
         past_s, past_speed: Station [m] and speed along the road [m/s] of all vehicles at the last
-            decisions, (HISTORY_LENGTH, vehicle, simulation).
+            decisions, (HISTORY_LENGTH, vehicle, simulation). The row is the number of the decision
+            modulo `HISTORY_LENGTH`.
     """
 
     slot_in_view: F32
@@ -246,7 +253,7 @@ class FirstContact:
     """The first contact of each vehicle; arrays of shape (vehicle, simulation).
 
     Attributes:
-        partner: Slot of the other vehicle, `NO_SLOT` before a contact.
+        partner: Slot of the vehicle that is touched, `NO_SLOT` before a contact.
         time: Time of the contact [s].
         impulse: Size of the impulse [N s].
         closing_speed: Closing speed along the normal of the contact [m/s].
@@ -294,7 +301,7 @@ class State:
                 elapsed=_full(shape, 1.0),
                 duration=_full(shape, 1.0),
             ),
-            # No lane change holds a driver back before its first decision.
+            # As long as the longest pause after a lane change, `cooldown`: no driver waits for it.
             lane_choice=_group(LaneChoice, shape, time_since_lane_change=10.0),
             overtake=_group(OvertakeState, shape, stage=Stage.FOLLOW, target_slot=NO_SLOT),
             noise=_group(RandomProcesses, shape),
@@ -330,7 +337,8 @@ class State:
     def position_seen_by_each(self, params: StepParameters, slot: int) -> tuple[F32, F32]:
         """Station and lateral position of a vehicle in the frame of each vehicle [m].
 
-        The frames of opposite directions differ by half a turn.
+        The frames of opposite directions differ by half a turn: s becomes length - s, and d becomes
+        `edge_sum` - d, where `edge_sum` is the sum of the lateral positions of both road edges.
 
         Args:
             params: Parameters of the batch.
@@ -345,7 +353,10 @@ class State:
         return s, np.where(is_opposite, road.edge_sum - motion.d[slot], motion.d[slot])
 
     def road_position(self, params: StepParameters) -> tuple[F32, F32]:
-        """Station and lateral position of each vehicle in the frame of the road [m]."""
+        """Station and lateral position of each vehicle in the frame of the road [m].
+
+        This is the frame of the vehicles whose `travel_sign` is 1.
+        """
         road, motion = params.road, self.motion
         is_opposite = params.vehicles.travel_sign < 0
         s = np.where(is_opposite, road.length - motion.s, motion.s)
