@@ -32,8 +32,8 @@ use crate::state::{EGO_SLOT, History, State, new_history};
 
 /// Number of tiles between two pauses: 1, 4 or 8 for blocks of 8, 16 or 32 slots.
 ///
-/// Chosen: after a pause the caches load the states of all blocks of the share again, which takes longer for larger and
-/// for more blocks.
+/// A choice: after a pause the caches load the states of all blocks of the share again, which takes longer for larger
+/// and for more blocks.
 const fn tiles_between_pauses(slots: usize) -> u32 {
     let slots_ratio = slots / SLOT_CAPACITIES[0];
     let blocks_ratio = max_blocks_per_share(slots) / max_blocks_per_share(SLOT_CAPACITIES[0]);
@@ -44,7 +44,7 @@ const fn tiles_between_pauses(slots: usize) -> u32 {
 #[derive(Default)]
 pub struct ThreadMemory<const N: usize> {
     tile: FrameTile<N>,
-    /// Histories of blocks that have ended.
+    /// Memory for the past motion that drivers recall, from blocks that have ended.
     histories: Vec<History<N>>,
 }
 
@@ -216,7 +216,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         }
     }
 
-    /// Replace the parameters from the present step on, for a branch of the simulations.
+    /// Replace the parameters from the present step on, for a branch, a what-if continuation of a simulation.
     ///
     /// Station and speed of each vehicle change by the difference between its new and its old start.
     fn switch_parameters(&mut self, inputs: &Inputs<'_>, switch: &ParameterSwitch<'_>) {
@@ -235,6 +235,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
             self.params.scenario_index_low[lane] = index as u32;
             self.params.scenario_index_high[lane] = (index >> 32) as u32;
             if let Some(errors) = switch.judgement_errors {
+                // All errors of distance come first, then all errors of speed.
                 self.state.noise.distance_error[EGO_SLOT][lane] = errors[simulation];
                 self.state.noise.speed_error[EGO_SLOT][lane] =
                     errors[switch.scenario_index.len() + simulation];
@@ -249,7 +250,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
                 self.state.displace_vehicle(slot, lane, shift, speed_change);
             }
         }
-        // Perception updates it at decisions only, and it depends on the new parameters of the vehicles.
+        // `slip_reach` depends on the new parameters, and a step between decisions does not update it.
         update_slip_reach(&mut self.state, &self.params);
     }
 
@@ -265,6 +266,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         step_start: &mut RoadPositions<S, N>,
     ) {
         let (step_length, substeps) = self.step_length(steps_per_frame);
+        // The log has one decision only, so its index is 0.
         let action = action_log.map(|log| log.action_at(self.params.simd, &self.simulations, 0));
         let ego_decision = EgoDecision {
             step: first_step,
@@ -300,6 +302,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
     fn finish_ended(&mut self, step: u32) {
         let (simd, state, params) = (self.params.simd, &self.state, &self.params);
         if let Some(recorder) = &mut self.recorder {
+            // `finish` does nothing in lanes that were free already.
             for lane in (0..SIMD_LANES).filter(|lane| state.end_step[*lane] < step as f32) {
                 with_cpu_features!(simd, recorder.finish(lane, state, params));
             }

@@ -26,13 +26,12 @@ pub(crate) const fn max_blocks_per_share(slots: usize) -> usize {
     if slots > SLOT_CAPACITIES[0] { 8 } else { 4 }
 }
 
-/// Number of shares per thread, with several threads, from which shares may have more than `BLOCKS_PER_SMALL_SHARE`
-/// blocks. Chosen.
+/// Least number of shares for each of several threads. A choice.
 ///
-/// Shares take different times. With few shares for each thread, one thread would wait long for another at the end.
+/// Shares take different times. With fewer shares, one thread would wait long for another at the end.
 const MIN_SHARES_PER_THREAD: usize = 4;
 
-/// Number of blocks in a share of a batch that has fewer than `MIN_SHARES_PER_THREAD` larger shares for each thread.
+/// Number of blocks in a share if larger shares would be fewer than `MIN_SHARES_PER_THREAD` for each thread.
 const BLOCKS_PER_SMALL_SHARE: usize = 4;
 
 /// Position of a simulation in its batch, and the memory for its results.
@@ -134,6 +133,7 @@ pub fn simulate<S: Simd>(
     switches: &[ParameterSwitch<'_>],
     out: Output<'_>,
 ) -> Result<(), String> {
+    // The recorder writes sixteen frames at once.
     if !out.frames.is_multiple_of(SIMD_LANES) {
         return Err(format!(
             "room for {} frames is not a multiple of {SIMD_LANES}",
@@ -205,8 +205,8 @@ pub(crate) fn order_by_similarity(inputs: &Inputs<'_>) -> Vec<usize> {
 
 /// Divide simulations into shares of at most `max_blocks` blocks, each simulated by one thread.
 ///
-/// The blocks of a share are merged when simulations end. Few simulations are divided into smaller shares, at least one
-/// block each, so that every thread has work.
+/// The blocks of a share are merged when simulations end. A small batch is divided into smaller shares of at least one
+/// block, so that every thread has work.
 pub(crate) fn divide_into_shares<T>(mut simulations: Vec<T>, max_blocks: usize) -> Vec<Vec<T>> {
     let num_shares_of = |blocks: usize| simulations.len().div_ceil(SIMD_LANES * blocks);
     let num_threads = rayon::current_num_threads();

@@ -2,8 +2,9 @@
 //!
 //! `overtaking.sim.reference.simulation` has the same order of operations in Python. A *slot* is the number of a
 //! vehicle in its simulation; the ego, the vehicle under study, is in `EGO_SLOT`, slot 0. Each vector has one number
-//! for each of the sixteen simulations. `with_cpu_features!` compiles its body as a separate function for the SIMD
-//! features of the CPU; an operation on vectors outside such a body is a call.
+//! for each of the sixteen simulations, which may differ in their vehicles, but not in their road.
+//! `with_cpu_features!` compiles its body as a separate function for the SIMD features of the CPU; an operation on
+//! vectors outside such a body is a call.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -87,7 +88,8 @@ pub fn perceive<S: Simd, const N: usize>(
             searched = update_gaze(state, params, slot, driver, ego_may_change_lanes);
         });
         let neighbours = &mut driver.neighbours;
-        // The variants are compiled separately: a common loop would need more registers than the CPU has.
+        // The constants are the number of lanes, whether followers are found, and whether traffic is oncoming. The
+        // variants are compiled separately: a common loop would need more registers than the CPU has.
         match (searched, has_oncoming_traffic) {
             (SearchedNeighbours::Leader, false) => with_cpu_features!(params.simd, {
                 state
@@ -159,13 +161,13 @@ fn update_gaze<S: Simd, const N: usize>(
         .vehicle(params, slot)
         .checks_mirrors_now(decision_index);
     if params.road.directions.has_oncoming_traffic {
-        // A driver in the opposing lane looks at every decision.
+        // A driver in lane 1, the opposing lane, looks at every decision.
         checks_mirrors |= state.lane_choice.lane[slot].simd_ge(1.0);
     }
     driver.checks_mirrors = checks_mirrors;
     let is_changing_lane = state.path.elapsed[slot].simd_lt(state.path.duration[slot]);
-    // An ego with a forced decision, or one that accepts every gap, may change lanes at any decision, and the recorder
-    // then needs the vehicles of the lane that it enters.
+    // An ego whose decision a what-if branch forces, or one that accepts every gap (a script), may change lanes at any
+    // decision, and the recorder then needs the vehicles of the lane that it enters.
     let is_forced = params.simulations.forced_decision.simd_gt(0.0);
     let accepts_every_gap = params.vehicles[EGO_SLOT].gap_demand_factor.simd_le(0.0);
     let may_change_lanes =
@@ -322,6 +324,7 @@ fn update_surroundings<S: Simd, const N: usize>(
     let decision_index = step / SUBSTEPS;
     with_cpu_features!(params.simd, {
         for slot in 0..params.num_slots_in_use {
+            // On one-way roads only the ego goes through the stages of an overtake.
             if params.road.can_overtake(slot) {
                 state.overtake.time_in_stage[slot] += params.constants.decision;
             }
@@ -356,7 +359,8 @@ fn update_surroundings<S: Simd, const N: usize>(
             steering::update_wind_trim(state, params, slot, step)
         );
     }
-    // After `update_wind_trim`, because drivers do not foresee the pushes of the study.
+    // The pushes of the study by Pinto et al. (2023), a sideways force. They come after `update_wind_trim`, because
+    // drivers do not foresee them.
     if with_cpu_features!(
         params.simd,
         params.simulations.push_accel.simd_ne(0.0).any_true()

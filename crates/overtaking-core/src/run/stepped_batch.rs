@@ -24,7 +24,7 @@ use crate::run::step::{drive_others, perceive};
 use crate::state::{EGO_SLOT, History, new_history};
 use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
-/// Number of decisions between two attempts to merge blocks whose simulations have ended. Chosen.
+/// Number of decisions between two attempts to merge blocks whose simulations have ended. A choice.
 const MERGE_INTERVAL: u32 = 16;
 
 /// A batch whose egos an external driver drives. It waits between calls; each call observes the egos.
@@ -64,7 +64,8 @@ struct ObservationRow<'o> {
 
 /// Make a stepped batch with one row for each simulation of `inputs`, at a SIMD level. No simulation has begun yet.
 ///
-/// Without `action_kind` the model drives the egos. The function is generic for the same reason as `simulate`.
+/// Without `action_kind` the model drives the egos. The function is generic, so that the crates that call it, one for
+/// each kind of CPU, can compile it at the same time.
 ///
 /// # Errors
 /// There are more than `MAX_VEHICLES` slots.
@@ -104,13 +105,13 @@ pub fn stepped_batch<S: Simd>(
 /// A stepped batch with up to `N` vehicle slots: groups of simulations that began at the same call.
 struct StepGroups<S: Simd, const N: usize> {
     simd: S,
-    /// Road, constants, seed and frame interval of all simulations.
+    /// Road, constants, seed and frame interval of all simulations; the interval determines the integration step.
     shared: Inputs<'static>,
     /// Meaning of the numbers of an action; `None` if the model drives the egos.
     action_kind: Option<ActionKind>,
     /// Source of the observed motion of neighbours.
     source: ObservationSource,
-    /// Histories of blocks that have ended, for the next blocks.
+    /// Memory for the past motion that drivers recall, from blocks that have ended, for the next blocks.
     free_histories: Vec<History<N>>,
     groups: Vec<StepGroup<S, N>>,
     /// Position of each row of the batch in `initial_rows` of its group.
@@ -311,7 +312,7 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
         observations
     }
 
-    /// Take back the histories of blocks that have ended, and drop empty groups.
+    /// Take back the memory of blocks that have ended, and drop empty groups.
     fn drop_empty_groups(&mut self) {
         for group in &mut self.groups {
             self.free_histories.append(&mut group.free_histories);
@@ -353,7 +354,7 @@ struct StepGroup<S: Simd, const N: usize> {
     number: usize,
     /// Number of steps of 10 ms since these simulations began.
     step: u32,
-    /// Histories of blocks that have ended, until `StepGroups` takes them back.
+    /// The same memory from blocks that have ended, until `StepGroups` takes it back.
     free_histories: Vec<History<N>>,
 }
 
@@ -427,6 +428,7 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
                 simulations,
                 ..
             } = &mut **block;
+            // `true`: an external driver may let its ego change lanes at any decision.
             perceive(state, params, context, self.step, true);
             let step = self.step as f32;
             let is_running = |lane: usize| step <= state.end_step[lane];

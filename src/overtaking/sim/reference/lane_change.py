@@ -281,7 +281,7 @@ def change_lanes_by_mobil(
     """
     vehicles, beliefs, choice = params.vehicles, context.beliefs, state.lane_choice
     checks_mirrors = context.checks_mirrors
-    # Claims from before any indicator changes at this decision: all drivers decide by the same ones.
+    # Claims from before any indicator changes at this decision: all drivers decide by the same.
     claims = lane_claims(state)
     driver = Follower(
         vehicle=vehicles,

@@ -1,7 +1,8 @@
 """The loop over time: decisions 20 times a second, and motion between them.
 
-A *step* is 10 ms; every fifth step (`SUBSTEPS`) is a *decision*. The *ego*, the vehicle under
-study, is in slot 0. An external driver, such as a trained network, may drive it by its actions.
+A *step* is 10 ms; every fifth step (`SUBSTEPS`) is a *decision*, a *frame* is a recorded state. The
+*ego*, the vehicle under study, is in slot 0. An external driver, such as a trained network, may
+drive it by its actions. A step belongs to a simulation up to and including its `end_step`.
 """
 
 import dataclasses
@@ -80,7 +81,7 @@ class ReferenceStepper:
         return SteppedObservation(table, is_running, np.zeros(is_running.shape, np.uint32))
 
     def step(self, actions: NDArray[np.int32], num_decisions: int) -> SteppedObservation:
-        """Carry out the same action for some decisions.
+        """Carry out the same action for some decisions, and observe the egos after the last.
 
         Args:
             actions: Numbers of each action in steps of their resolution, shape (simulation,
@@ -103,6 +104,7 @@ class ReferenceStepper:
     def _observe(self) -> tuple[F32, Mask]:
         """Observations of all egos, also in ended simulations, and whether each simulation runs."""
         is_running = np.float32(self._step) <= self._state.end_step
+        # The desired speeds of drivers by the speed limit where they are.
         self._local_params = with_local_speeds(self._state, self._params)
         self._context = perceive(self._state, self._local_params, self._step)
         table = observation_table(
@@ -179,9 +181,9 @@ def run(
 def _steps_at_once(params: StepParameters) -> int:
     """Number of steps of 10 ms that the motion advances at once.
 
-    If every frame coincides with a decision, the motion advances by 50 ms at once: it is linearly
-    implicit, and so stable at low speed, where an explicit step of this length is not. Frames at
-    other times need a state at every step of 10 ms.
+    If every frame coincides with a decision, the motion advances by 50 ms at once: the integration
+    is linearly implicit, and so stable at low speed, where an explicit one is not at this length.
+    Frames at other times need a state at every step of 10 ms.
     """
     return SUBSTEPS if params.steps_per_frame % SUBSTEPS == 0 else 1
 
@@ -190,7 +192,7 @@ def switch_parameters(state: State, params: StepParameters, new_params: StepPara
     """Adapt the state to parameters that replace others in the middle of a simulation.
 
     Station and speed of each vehicle change by the difference between its new and its old start.
-    The history changes by the same, as if the vehicle had always been there.
+    The history, which drivers recall, changes by the same, as if the vehicle had always been there.
     """
     vehicles, new_vehicles = params.vehicles, new_params.vehicles
     s_change = new_vehicles.start_s - vehicles.start_s
@@ -255,9 +257,11 @@ def perceive(state: State, params: StepParameters, step: int) -> DecisionContext
     road_conditions.update_friction(state, params)
     road_conditions.update_wind(state, params)
     steering.update_wind_trim(state, params, step)
-    # After `update_wind_trim`, because drivers do not foresee the pushes of the study.
+    # The pushes of the study by Pinto et al. (2023), a sideways force. They come after
+    # `update_wind_trim`, because drivers do not foresee them.
     road_conditions.apply_study_push(state, params, decision_index)
     neighbours = find_neighbours(state, params)
+    # Whether drivers look over the shoulder before their first lane change.
     if step == 0:
         perception.draw_shoulder_check(state, params, params.vehicles.valid > 0, decision_index)
     checks_mirrors = perception.checks_mirrors_now(state, params, decision_index)
