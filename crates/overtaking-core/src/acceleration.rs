@@ -4,6 +4,8 @@
 //! Left is the overtaking side, and lateral positions grow to the left. During a lane change the driver's lane is the
 //! one that it enters, and its old lane the one that it leaves. A driver passes from its pull-out until it begins to
 //! return or to abort.
+//!
+//! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen; a slot is the number of a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -39,6 +41,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         };
         let accel = acc_accel(constants, &follower, &context.beliefs.leader(LEADER));
         let limited_accel = self.limit_accel(accel);
+        // On one-way roads only the ego overtakes.
         if !params.road.can_overtake(slot) {
             return limited_accel;
         }
@@ -101,7 +104,6 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
                 desired_speed = select(is_passing, self.current_passing_speed(), desired_speed);
             }
         } else if self.slot == EGO_SLOT {
-            // On one-way roads only the ego passes through the stages of an overtake.
             desired_speed = select(
                 self.is_before_return(),
                 self.desired_passing_speed(),

@@ -4,6 +4,8 @@
 //! A frame has the direction of travel of a vehicle: s ahead along the road, d to the left. The two vehicles of a pair
 //! are `first` and `second`, and the frame of the first is used for both. A step lasts 10 or 50 ms; a *share* of it is
 //! a part from 0 to 1. `TWO_WAY` is whether the road has oncoming traffic.
+//!
+//! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen; a slot is the number of a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -164,6 +166,7 @@ pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
     step: u32,
 ) {
     let (constants, road) = (&params.constants, &params.road);
+    // The edges have the same lateral positions in the frames of both directions.
     let min_d = road.boundaries[0] - constants.edge_margin;
     let max_d = road.boundaries[road.num_lanes] + constants.edge_margin;
     for slot in 0..params.num_slots_in_use {

@@ -11,6 +11,8 @@
 //! A move is a constant of `ego_move`. A lane change is 1 to the left, -1 to the right, 0 for no change; left is the
 //! overtaking side. The model operates pedals and steering where the action has no part for them. A request that is
 //! impossible now has no effect.
+//!
+//! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen; a slot is the number of a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

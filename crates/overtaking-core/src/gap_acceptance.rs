@@ -5,6 +5,8 @@
 //! (`lane_change`). On two-way roads all drivers decide by it. Left is the overtaking side. The target is the vehicle
 //! that a driver overtakes. A branch is a what-if repetition of a simulation, in which decisions can be forced on the
 //! ego.
+//!
+//! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen; a slot is the number of a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -343,8 +345,9 @@ pub fn form_intent<S: Simd, const N: usize>(
     let mut cancels_return = driver.cancels_return(context, inputs);
     let mut may_return = has_indicated;
     if let Some(continuation) = continuation {
-        // A driver that aborts returns behind its target without waiting for mirrors or indicator. `overtake` carries
-        // this return out as a cancelled pull-out.
+        // A driver that aborts returns behind its target as soon as it will have gaps to the target and to the leader
+        // in its own lane, without waiting for mirrors or indicator. `overtake` carries this return out as a cancelled
+        // pull-out.
         let has_gap_behind =
             inputs.beliefs.gap[RIGHT_FOLLOWER].simd_gt(params.constants.min_rear_gap);
         let falls_back = continuation.must_abort & continuation.fits_into_lane & has_gap_behind;

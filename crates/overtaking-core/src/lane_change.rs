@@ -6,6 +6,8 @@
 //! Left is the overtaking side; lanes are numbered from the right. During a lane change the driver's lane is the one
 //! that it enters, and its old lane the one that it leaves. Beliefs about a neighbour that is not detected are a gap of
 //! 1000 m and a closing speed of 0.
+//!
+//! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen; a slot is the number of a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

@@ -3,6 +3,8 @@
 //!
 //! Lanes and their borders are numbered from the right; left is the overtaking side. During a lane change a vehicle's
 //! own lane is the one that it enters. A *role* is one of the six places of a neighbour, such as `LEFT_LEADER`.
+//!
+//! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen; a slot is the number of a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

@@ -3,6 +3,8 @@
 //!
 //! On one-way roads only the ego, the vehicle under study, goes through its stages, on two-way roads every driver. The
 //! target is the vehicle that a driver overtakes. All functions run at a decision, 20 times a second.
+//!
+//! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen; a slot is the number of a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

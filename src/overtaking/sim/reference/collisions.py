@@ -197,6 +197,7 @@ def pairs_that_may_touch(state: State, params: StepParameters) -> list[VehiclePa
 def wreck_off_road_vehicles(state: State, params: StepParameters, step: int) -> None:
     """Turn vehicles that have left the road, or stand across it, into wrecks that slide to rest."""
     constants, road, motion = params.constants, params.road, state.motion
+    # The edges have the same lateral positions in the frames of both directions.
     right_edge, left_edge = road.boundaries[0], road.boundaries[road.num_lanes]
     is_off_road = (motion.d < right_edge - constants.edge_margin) | (
         motion.d > left_edge + constants.edge_margin

@@ -363,8 +363,9 @@ def form_intent(
     cancels_return = _cancels_return(state, params, context, inputs)
     may_return = has_indicated
     if continuation is not None:
-        # A driver that aborts returns behind its target without waiting for mirrors or indicator.
-        # `overtake` carries this return out as a cancelled pull-out.
+        # A driver that aborts returns behind its target as soon as it will have gaps to the target
+        # and to the leader in its own lane, without waiting for mirrors or indicator. `overtake`
+        # carries this return out as a cancelled pull-out.
         falls_back = (
             continuation.must_abort & continuation.fits_into_lane & has_gap_behind(params, inputs)
         )
