@@ -183,7 +183,7 @@ pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
     }
 }
 
-/// End simulations some time after an accident of the ego at a step.
+/// End simulations `after_collision` [s] after `step`, at which their ego has crashed.
 #[inline(always)]
 pub(crate) fn end_after_ego_accident<S: Simd, const N: usize>(
     state: &mut State<S, N>,

@@ -1,8 +1,8 @@
 //! The state of a block between two steps; see `overtaking.sim.reference.state`.
 //!
 //! A block is a set of simulations that run side by side, one in each lane of a SIMD vector: an `F32` has one number
-//! for each simulation. `N` is the number of vehicle slots. A step is 10 ms, a decision 50 ms. Left is the overtaking
-//! side, and angles, lateral positions and their derivatives are positive to the left.
+//! for each simulation. `N` is the number of vehicle slots. A step is 10 ms, a decision comes every 50 ms. Left is the
+//! overtaking side, and angles, lateral positions and their derivatives are positive to the left.
 
 use fearless_simd::Simd;
 
@@ -17,8 +17,9 @@ use crate::params::Params;
 /// four decisions before it, by which drivers judge braking. A power of two, because `perception` computes the row of a
 /// decision, its number modulo this length, by a float32 division and floor, which is exact only then.
 pub const HISTORY_LENGTH: usize = 64;
-/// Number of entries from the history of one simulation to the next in memory. It is one cache line more than the
-/// history needs, so that the same decision of sixteen simulations does not fall into the same few sets of the cache.
+/// Number of entries from the history of one simulation to the next in memory. It is one cache line, 8 entries, more
+/// than the history needs, so that the same decision of sixteen simulations does not fall into the same few sets of the
+/// cache.
 pub const HISTORY_STRIDE: usize = HISTORY_LENGTH + 8;
 /// Number of roles of neighbours.
 pub const NUM_ROLES: usize = 6;

@@ -1,7 +1,8 @@
 //! Simulates a batch: chooses the SIMD level, orders the simulations and distributes them over threads.
 //!
 //! A *batch* is a number of simulations with the same road and number of vehicle slots. Blocks of sixteen simulations
-//! advance together in the lanes of SIMD vectors (`block`). Array shapes are in row-major order, flat: in (field, slot,
+//! advance together in the lanes of SIMD vectors (`block`). A *share* is the part of a batch that one thread simulates,
+//! in several blocks. Array shapes are in row-major order, flat: in (field, slot,
 //! simulation), the numbers of one field and slot are adjacent.
 
 use std::sync::Arc;

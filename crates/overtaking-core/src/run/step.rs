@@ -373,7 +373,7 @@ fn update_surroundings<S: Simd, const N: usize>(
     update_slip_reach(state, params);
 }
 
-/// Update `slip_reach`, the largest slip angle of the front wheels that each driver chooses.
+/// Update `slip_reach`, the largest difference of the wheel angle from the slip angle of the front axle.
 ///
 /// It depends on friction and on parameters of the vehicle.
 pub fn update_slip_reach<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {

@@ -234,6 +234,7 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
         for simulations in simulations.chunks(SIMD_LANES) {
             let history = self.free_histories.pop().unwrap_or_else(new_history);
             let mut block = Block::new(self.simd, inputs, simulations, None, history);
+            // From positions in `inputs` to rows of the batch.
             block.simulations = block.simulations.map(|index| rows[index]);
             blocks.push(block);
         }

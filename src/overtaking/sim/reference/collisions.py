@@ -212,7 +212,7 @@ def wreck_off_road_vehicles(state: State, params: StepParameters, step: int) -> 
 def end_after_ego_accident(
     state: State, params: StepParameters, has_crashed: Mask, step: int
 ) -> None:
-    """End simulations some time after an accident of the ego at a step."""
+    """End simulations `after_collision` [s] after `step`, at which their ego has crashed."""
     constants, stage = params.constants, state.overtake.stage
     stage[EGO_SLOT] = np.where(has_crashed, np.float32(Stage.CRASHED), stage[EGO_SLOT])
     # `step` is the number of a step, `constants.step` the length of each [s].

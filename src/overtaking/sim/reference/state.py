@@ -1,8 +1,9 @@
 """The state of a batch between two steps, and the questions that many functions ask about it.
 
-A batch is a set of simulations, in which vehicles have the same slots. A step is 10 ms, a decision
-50 ms. Left is the overtaking side, and angles, lateral positions and their derivatives are positive
-to the left. Numbers of slots, lanes and stages are float32, as all of the state, with whole values.
+A batch is a set of simulations. A slot is the number of a vehicle in its simulation; the ego, the
+vehicle under study, has slot 0. A step is 10 ms, a decision comes every 50 ms. Left is the
+overtaking side, and angles, lateral positions and their derivatives are positive to the left.
+Numbers of slots, lanes and stages are float32, as all of the state, with whole values.
 """
 
 from dataclasses import dataclass
