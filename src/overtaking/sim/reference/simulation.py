@@ -104,7 +104,7 @@ class ReferenceStepper:
     def _observe(self) -> tuple[F32, Mask]:
         """Observations of all egos, also in ended simulations, and whether each simulation runs."""
         is_running = np.float32(self._step) <= self._state.end_step
-        # The desired speeds of drivers by the speed limit where they are.
+        # Parameters in which desired speeds follow the speed limits at each driver and ahead of it.
         self._local_params = with_local_speeds(self._state, self._params)
         self._context = perceive(self._state, self._local_params, self._step)
         table = observation_table(
