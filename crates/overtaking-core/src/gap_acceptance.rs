@@ -35,7 +35,7 @@ const MIN_GAP_FACTOR: f32 = 1e-6;
 /// Beliefs and demands of a driver at a decision.
 pub struct GapAcceptanceInputs<'a, S: Simd> {
     pub vehicle: &'a VehicleParams<S>,
-    /// Beliefs of the driver about its neighbours.
+    /// Beliefs of the driver about its neighbours. A `steady_leader` of a role is assumed to keep its speed.
     pub beliefs: &'a Beliefs<S>,
     /// Speed that the driver desires at this place [m/s].
     desired_speed: F32<S>,
@@ -527,7 +527,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.is_in_stage(stage::PULL_OUT) & self.is_quicker_to_turn_back()
     }
 
-    /// Whether the driver has just begun to go back by a whole lane.
+    /// Whether the driver has just begun to go back by a whole lane, not from a cancelled pull-out.
     #[inline(always)]
     pub fn can_cancel_return(self) -> Mask<S> {
         (self.is_in_stage(stage::RETURN) | self.is_in_stage(stage::ABORT))
@@ -555,7 +555,7 @@ pub fn update_indicator<S: Simd, const N: usize>(
     state.lane_choice.wanted_side[slot] =
         select(wants_to_pull_out, one, select(wants_to_return, -one, zero));
     // The time counts whether or not the driver uses its indicator. Without a wish it falls to 0 as fast as it has
-    // grown, so a short doubt does not restart the lead time.
+    // grown, so a short doubt does not restart the lead time. `decision` is the time between two decisions [s].
     let time_indicating = state.overtake.time_indicating[slot];
     let longer_time = time_indicating + params.constants.decision;
     let shorter_time = at_least(time_indicating - params.constants.decision, 0.0);

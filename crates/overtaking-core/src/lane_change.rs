@@ -5,7 +5,7 @@
 //! one-way roads all drivers but the ego decide by it. `start_lane_changes` starts the lane changes of all drivers.
 //! Left is the overtaking side; lanes are numbered from the right. During a lane change the driver's lane is the one
 //! that it enters, and its old lane the one that it leaves. Beliefs about a neighbour that is not detected are a gap of
-//! 1000 m and a closing speed of 0.
+//! 1000 m and a closing speed of 0; a `steady_leader` is assumed to keep its speed.
 //!
 //! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen; a slot is the number of a vehicle.
 

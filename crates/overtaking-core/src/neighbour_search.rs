@@ -125,6 +125,7 @@ impl<S: Simd> VisibleBody<S> {
             // A wreck counts only where its body is. Without this rule a wreck with its indicator on counted in its new
             // lane however far away it slid, and drivers braked in a free lane.
             visibly_changes_lane: (is_sound & is_changing_lane) & (indicates | has_visibly_moved),
+            // The smaller inverse belongs to the brighter lamp.
             inverse_rear_lamp: select(brakes, at_most(lamp, constants.inverse_stop_lamp), lamp),
         }
     }

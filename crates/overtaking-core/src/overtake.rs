@@ -2,7 +2,8 @@
 //! `overtaking.sim.reference.overtake`.
 //!
 //! On one-way roads only the ego, the vehicle under study, goes through its stages, on two-way roads every driver. The
-//! target is the vehicle that a driver overtakes. All functions run at a decision, 20 times a second.
+//! target is the vehicle that a driver overtakes. All functions run at a decision, every 0.05 s
+//! (`constants.decision`).
 //!
 //! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen; a slot is the number of a vehicle.
 
@@ -175,7 +176,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             .simd_lt(params.constants.settled_offset);
         let is_back_in_lane = intent.has_finished_lane_change & is_near_centre;
         let has_pulled_out = self.is_in_stage(stage::PULL_OUT) & intent.has_finished_lane_change;
-        // A return ahead of the target completes the overtake, a return behind it aborts it.
+        // A return ahead of the target completes the overtake, a return behind it aborts it. An external driver may
+        // also change to the right while it follows, which is no return.
         let stage_of_return = select(
             intent.has_passed_target,
             stage_of(stage::RETURN),

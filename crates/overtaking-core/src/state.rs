@@ -317,7 +317,7 @@ pub struct State<S: Simd, const N: usize> {
     pub has_attempted: F32<S>,
     /// Last step of each simulation.
     pub end_step: F32<S>,
-    /// Number of recorded percepts of each simulation.
+    /// Number of recorded percepts of each simulation; a percept is a record of the ego's beliefs at a manoeuvre.
     pub num_percepts: F32<S>,
 }
 

@@ -111,7 +111,7 @@ class DecisionContext:
         gives_way: Whether another driver that indicates for the same gap goes first, (vehicle,
             simulation).
         oncoming: Vehicles of the other direction; None on one-way roads.
-        decision_index: Index of the decision, 20 per second.
+        decision_index: Index of the decision since the start of the simulation, 20 per second.
     """
 
     neighbours: Neighbours

@@ -494,7 +494,7 @@ def can_cancel_pull_out(state: State, params: StepParameters, slots: SlotSelecti
 
 
 def can_cancel_return(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
-    """Whether drivers have just begun to go back by a whole lane."""
+    """Whether drivers have just begun to go back by a whole lane, not from a cancelled pull-out."""
     goes_back = state.is_in_stage(Stage.RETURN, slots) | state.is_in_stage(Stage.ABORT, slots)
     is_early = is_quicker_to_turn_back(state, params, slots)
     return goes_back & is_early & lane_change_direction(state, params).is_whole_lane[slots]

@@ -3,7 +3,7 @@
 On one-way roads only the ego, the vehicle under study, goes through its stages, on two-way roads
 every driver. `slots` selects the drivers: an int gives arrays of shape (simulation,), a slice
 (vehicle, simulation). The target is the vehicle that a driver overtakes. All functions run at a
-decision, 20 times a second.
+decision, every 0.05 s (`constants.decision`).
 """
 
 import numpy as np
@@ -163,7 +163,8 @@ def _next_stage(
     is_back_in_lane = intent.has_finished_lane_change & is_near_centre
     pulls_out = state.is_in_stage(Stage.PULL_OUT, slots)
     has_pulled_out = pulls_out & intent.has_finished_lane_change
-    # A return ahead of the target completes the overtake, a return behind it aborts it.
+    # A return ahead of the target completes the overtake, a return behind it aborts it. An external
+    # driver may also change to the right while it follows, which is no return.
     stage_of_return = np.where(
         intent.has_passed_target, np.float32(Stage.RETURN), np.float32(Stage.ABORT)
     )

@@ -189,7 +189,7 @@ class FrictionAndWind:
     Attributes:
         mu_left, mu_right: Friction coefficient under the wheels of either side [1].
         wind_force: Lateral force of the wind, positive to the left [N].
-        wind_moment: Its yaw moment [N m].
+        wind_moment: Yaw moment of the wind, positive to the left [N m].
         tail_wind: Wind along the vehicle's direction of travel [m/s].
     """
 
@@ -272,7 +272,8 @@ class State:
 
     Attributes:
         end_step: Last step of each simulation, (simulation,).
-        num_percepts: Number of recorded percepts of each simulation, (simulation,).
+        num_percepts: Number of recorded percepts of each simulation, (simulation,). A percept is a
+            record of the ego's beliefs at a manoeuvre.
     """
 
     motion: Motion
