@@ -1,8 +1,14 @@
 //! The table that an external driver of the ego observes: beliefs of the model driver, or truth. The twin of
 //! `overtaking.sim.reference.observation_table`.
 //!
-//! An external driver, such as a trained network, drives the ego in place of the model driver, which continues to
-//! perceive. `overtaking.model.driver_interface` states unit and meaning of each column.
+//! An external driver, such as a trained network, drives the ego, the vehicle under study, in place of the model driver,
+//! which continues to perceive and judge. The target is the vehicle that the ego overtakes. Vehicles have slot numbers;
+//! a role is a neighbour's place, such as leader in the ego's lane. Lateral values and the indicator are positive to the
+//! left, the overtaking side. `overtaking.model.driver_interface` states unit and meaning of each column.
+//!
+//! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
+//! computed together. `VehicleHandle` is a view of one vehicle of them, here the ego. `at_slot!` and `each_at_slot!` read
+//! values of the vehicle whose slot they get, or of slot 0 without a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -15,7 +21,7 @@ use crate::passing::tall_vehicle_gap_factor;
 use crate::state::{LEADER, NUM_ROLES, is_leader_role, stage};
 use crate::vehicle_handle::VehicleHandle;
 
-/// Source of the observed motion of neighbours.
+/// Source of the columns of neighbours. The columns about a pass are the model driver's judgements in both cases.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObservationSource {
     /// Beliefs of the model driver.
@@ -24,7 +30,7 @@ pub enum ObservationSource {
     Truth,
 }
 
-/// Declare a struct of vectors, one for each column, and the list of the names of the columns.
+/// Declare a struct with one field for each column, and the list of the names of the columns.
 macro_rules! columns {
     ($(#[$doc:meta])* $names:ident, $name:ident { $($field:ident),* $(,)? }) => {
         $(#[$doc])*
@@ -104,7 +110,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             };
             self.neighbour_columns(context, role, motion).write(columns);
         }
-        // On one-way roads oncoming vehicles have the gap `unseen_gap` and zeros.
+        // On one-way roads the two oncoming vehicles keep the gap `unseen_gap`, and zeros in all other columns.
         let mut vehicles = [OncomingVehicle::no_vehicle(params.simd); 2];
         if params.road.directions.has_oncoming_traffic {
             vehicles = [
@@ -169,16 +175,18 @@ struct NeighbourMotion<S: Simd> {
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// The model driver's beliefs about a neighbour.
     ///
-    /// An ego that follows the script of the study decides by the true closing speed to its leader.
+    /// In the profile of the study by Pinto et al. (2023) the ego changes lanes by that study's script, which decides by
+    /// the true closing speed to the leader: by its belief the ego would pull out too late. There the column shows the
+    /// true speed too.
     #[inline(always)]
     fn believed_motion(self, context: &DriverContext<S>, role: usize) -> NeighbourMotion<S> {
         let params = self.params;
         let is_detected = context.beliefs.is_detected[role];
         let mut closing_speed = context.beliefs.closing_speed[role];
         if role == LEADER {
-            let knows_speed = is_scripted(params) & is_detected;
+            let uses_true_speed = is_scripted(params) & is_detected;
             closing_speed = select(
-                knows_speed,
+                uses_true_speed,
                 self.true_closing_speed_to_leader(&context.neighbours),
                 closing_speed,
             );
@@ -201,7 +209,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         );
         let neighbour_slot = context.neighbours.slot[role];
         let exists = neighbour_slot.simd_ge(0.0);
-        let (ego_speed, _) = self.road_velocity();
+        let (ego_speed, _) = self.road_velocity(); // Along and across the road [m/s].
         let speed = state.road_speed_at(params, neighbour_slot);
         let accel = at_slot!(params, neighbour_slot, |j| state.motion.accel_lon[j]);
         let closing_speed = if is_leader_role(role) {
@@ -236,13 +244,14 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
                 params.vehicles[j].has_truck_tyres,
                 params.vehicles[j].two_wheeler
             ]);
-        let ego_speed = self.road_velocity().0;
+        let (ego_speed, _) = self.road_velocity(); // Along and across the road [m/s].
+        // The speed and acceleration of each vehicle count along its own direction of travel.
         let (is_detected, gap, closing_speed, accel) = match source {
             ObservationSource::Beliefs => (
                 vehicle.is_detected,
                 vehicle.believed_gap,
                 vehicle.closing_speed,
-                zero,
+                zero, // Drivers do not judge the acceleration of an oncoming vehicle.
             ),
             ObservationSource::Truth => (
                 vehicle.slot.simd_ge(0.0),
@@ -261,6 +270,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             ),
             closing_speed: if_detected(closing_speed),
             accel: if_detected(accel),
+            // Oncoming vehicles count lateral positions from the other side of the road.
             lateral_distance: if_detected(
                 (params.road.directions.edge_sum - d) - state.motion.d[slot],
             ),
@@ -275,6 +285,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 
     /// The model driver's knowledge about a pass against oncoming traffic.
+    ///
+    /// `oncoming.is_certain` says that the driver has watched long enough to know whether a vehicle is oncoming.
     #[inline(always)]
     fn passing_columns(self, context: &DriverContext<S>) -> PassingColumns<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -292,6 +304,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             sight_distance: oncoming.sight_distance,
             is_certain: flag(oncoming.is_certain),
             expected_closing_speed: self.expected_closing_speed(),
+            // By the definition of the column ahead of the leader, also while the ego overtakes.
             gap_ahead_of_leader: at_most(
                 self.gap_ahead_of(leader_slot),
                 params.constants.unseen_gap,
@@ -333,6 +346,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             params.vehicles[j].has_truck_tyres,
             params.vehicles[j].two_wheeler
         ]);
+        // A wreck requests no braking, but slides with locked wheels; that it shows stop lamps is a choice.
         let stop_lamp =
             requested_accel.simd_lt(-params.constants.stop_lamp_decel) | is_wreck.simd_gt(0.0);
         let if_detected = |value| select(motion.is_detected, value, zero);

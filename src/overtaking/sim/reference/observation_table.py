@@ -1,7 +1,10 @@
 """The table that an external driver of the ego observes: beliefs of the model driver, or truth.
 
-An external driver, such as a trained network, drives the ego in place of the model driver, which
-continues to perceive. `model.driver_interface` states unit and meaning of each column.
+An external driver, such as a trained network, drives the ego, the vehicle under study, in place of
+the model driver, which continues to perceive and judge. The target is the vehicle that the ego
+overtakes. Vehicles have slot numbers; a role is a neighbour's place, such as leader in the ego's
+lane. Lateral values and the indicator are positive to the left, the overtaking side.
+`model.driver_interface` states unit and meaning of each column.
 """
 
 from typing import NamedTuple
@@ -66,11 +69,12 @@ def observation_table(
         state: State at a decision.
         params: Parameters of the batch.
         context: Perception of the drivers at this decision.
-        observes_truth: Whether to observe the true state instead of the ego's beliefs.
+        observes_truth: Whether the columns of neighbours are the truth instead of the model
+            driver's beliefs. The columns about a pass are its judgements in both cases.
     """
     table = np.zeros((state.motion.s.shape[1], OBSERVATION_SIZE), np.float32)
     ego, neighbours, passing = split_observation(table)
-    # Oncoming vehicles keep this gap and zeros on one-way roads.
+    # On one-way roads the two oncoming vehicles keep this gap, and zeros in all other columns.
     neighbours[:, :, NeighbourColumns._fields.index("gap")] = params.constants.unseen_gap
     _fill_columns(ego, _ego_columns(state, params, context))
     for role in NeighbourRole:
@@ -119,6 +123,7 @@ def _ego_columns(state: State, params: StepParameters, context: DecisionContext)
         checks_mirrors=_flag(context.checks_mirrors[ego]),
         gives_way=_flag(context.gives_way[ego]),
         has_passed_target=_flag(has_passed_target(state, params, ego)),
+        # Without a target, `value_at_slot` gives slot 0, the ego itself, so the flag is 0.
         is_behind_target=_flag(
             state.motion.s[ego] < value_at_slot(state.motion.s, state.overtake.target_slot[ego])
         ),
@@ -135,14 +140,16 @@ def _believed_motion(
 ) -> NeighbourMotion:
     """The model driver's beliefs about a neighbour.
 
-    An ego that follows the script of the study decides by the true closing speed to its leader.
+    In the profile of the study by Pinto et al. (2023) the ego changes lanes by that study's script,
+    which decides by the true closing speed to the leader: by its belief the ego would pull out too
+    late. There the column shows the true speed too.
     """
     beliefs, ego = context.beliefs, EGO_SLOT
     is_detected, closing_speed = beliefs.is_detected[role, ego], beliefs.closing_speed[role, ego]
     if role == NeighbourRole.LEADER:
-        knows_speed = is_scripted(params) & is_detected
+        uses_true_speed = is_scripted(params) & is_detected
         closing_speed = np.where(
-            knows_speed, true_closing_speed_to_leader(state, context.neighbours), closing_speed
+            uses_true_speed, true_closing_speed_to_leader(state, context.neighbours), closing_speed
         )
     return NeighbourMotion(
         is_detected, beliefs.gap[role, ego], closing_speed, beliefs.accel[role, ego]
@@ -155,7 +162,7 @@ def _true_motion(
     """The true motion of a neighbour; `unseen_gap` and zeros without one."""
     slot = neighbours.slot[role, EGO_SLOT]
     exists = slot >= 0
-    speeds, _ = state.road_velocity()
+    speeds, _ = state.road_velocity()  # Along the road [m/s].
     ego_speed, speed = speeds[EGO_SLOT], value_at_slot(speeds, slot)
     closing_speed = ego_speed - speed if is_leader_role(role) else speed - ego_speed
     return NeighbourMotion(
@@ -178,6 +185,8 @@ def _neighbour_columns(
     vehicles, constants = params.vehicles, params.constants
     slot = neighbours.slot[role, EGO_SLOT]
     requested_accel = value_at_slot(state.controls.requested_accel, slot)
+    # A wreck requests no braking, but slides with locked wheels; that it shows stop lamps is a
+    # choice.
     is_wreck = value_at_slot(state.motion.is_wreck, slot) > 0
     stop_lamp = (requested_accel < -constants.stop_lamp_decel) | is_wreck
 
@@ -209,7 +218,8 @@ def _oncoming_columns(
     vehicles = params.vehicles
     ego, slot = EGO_SLOT, vehicle.slot[EGO_SLOT]
     speeds, _ = state.road_velocity()
-    # Lateral positions of all vehicles in the ego's frame.
+    # Lateral positions of all vehicles, counted like the ego's; oncoming vehicles count theirs from
+    # the other side of the road.
     d = np.stack(
         [
             state.position_seen_by_each(params, other_slot)[1][ego]
@@ -218,6 +228,7 @@ def _oncoming_columns(
     )
     if observes_truth:
         is_detected, gap = slot >= 0, vehicle.gap[ego]
+        # The speed and acceleration of each vehicle count along its own direction of travel.
         closing_speed = speeds[ego] + value_at_slot(speeds, slot)
         accel = value_at_slot(state.motion.accel_lon, slot)
     else:
@@ -250,13 +261,18 @@ def _passing_columns(
     *,
     oncoming: OncomingVehicle,
 ) -> PassingColumns:
-    """The model driver's knowledge about a pass against oncoming traffic."""
+    """The model driver's knowledge about a pass against oncoming traffic.
+
+    `oncoming.is_certain` says that the driver has watched long enough to know whether a vehicle is
+    oncoming.
+    """
     ego = EGO_SLOT
     continuation = decide_pass_continuation(state, params, context, ego)
     leader_slot = context.neighbours.slot[LEADER, ego]
-    follows = state.is_in_stage(Stage.FOLLOW, ego)
+    is_following = state.is_in_stage(Stage.FOLLOW, ego)
     # Before an overtake the leader is the vehicle that the ego would pass.
-    passed_slot = np.where(follows, leader_slot, state.overtake.target_slot[ego])
+    passed_slot = np.where(is_following, leader_slot, state.overtake.target_slot[ego])
+    # By the definition of the column ahead of the leader, also while the ego overtakes.
     gap_ahead_of_leader = gap_ahead_of(state, params, leader_slot, ego)
     return PassingColumns(
         sight_distance=oncoming.sight_distance[ego],
