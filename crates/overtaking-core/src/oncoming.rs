@@ -1,9 +1,13 @@
 //! Oncoming vehicles on two-way roads: search, visibility and beliefs of drivers; the twin of
 //! `overtaking.sim.reference.oncoming`.
 //!
-//! Each vehicle has a frame of its own direction of travel. In it lane 0 is the lane of that direction, and the
-//! opposing lane is on the left, the overtaking side. Values of type `F32<S>` and `Mask<S>` have one element for each
-//! simulation of a block; comments call such an element a SIMD lane.
+//! Each vehicle has a frame of coordinates of its own direction of travel. In it stations grow ahead, lateral positions
+//! grow to the left, the overtaking side, lane 0 is the lane of that direction, and the opposing lane is on the left.
+//! Each vehicle has a slot, its number in the simulation. A driver's leader is the vehicle ahead of it in its direction.
+//!
+//! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
+//! computed together; comments call such an element a SIMD lane. `VehicleHandle` is a view of one slot in them.
+//! `at_slot!` and `each_at_slot!` read values of the vehicle whose slot they get, or of slot 0 without a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -44,7 +48,7 @@ pub struct OncomingVehicle<S: Simd> {
     pub believed_gap: F32<S>,
     /// Believed closing speed, the expected one without a detected vehicle [m/s].
     pub closing_speed: F32<S>,
-    /// Sight distance in the lane of the vehicle: the opposing lane, or the driver's own [m].
+    /// Distance to which the driver sees along the lane of the vehicle, the opposing lane or the driver's own [m].
     pub sight_distance: F32<S>,
 }
 
@@ -109,7 +113,8 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
     context: &mut DriverContext<S>,
 ) {
     let (slot, decision_index) = (context.slot, context.decision_index);
-    // Other drivers decide by the nearest vehicle only when they check their mirrors, or while they overtake.
+    // Only the ego, the vehicle under study, may have an external driver, which observes the nearest vehicle at every
+    // decision. Other drivers decide by it only when they check their mirrors, or while they overtake.
     let needs_beliefs =
         slot == EGO_SLOT || (context.checks_mirrors | search.overtakes[slot]).any_true();
     let neighbours = &context.neighbours;
@@ -128,7 +133,8 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
         oncoming.leader_pulls_out = leader_slot.simd_ge(0.0) & indicator.simd_gt(0.0);
     }
     if nearest_in_own_lane.slot.simd_ge(0.0).any_true() {
-        // Bends and crests limit the view along the driver's own lane; in the model, a leader does not.
+        // Bends and crests limit the view along the driver's own lane. That a leader does not hide it is a choice of
+        // this model.
         let sight_distance = state.road.sight_distance[slot];
         let sighting =
             state
@@ -151,7 +157,8 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
 
 /// Whether the driver in `slot` has looked long enough to know if a vehicle is coming; updates the time in view.
 ///
-/// `lanes` is `IN_ANY_LANE` or `IN_OWN_LANE`. Recognising an empty road takes as long as detecting a clearly visible
+/// `lanes` is `IN_ANY_LANE` or `IN_OWN_LANE`. The time in view counts for the vehicle in view, or for the view without
+/// a vehicle. Recognising an empty road takes as long as detecting a clearly visible
 /// vehicle, so no driver pulls out the moment a bend or a truck stops hiding the road.
 #[inline(always)]
 fn is_certain<S: Simd, const N: usize>(
@@ -187,6 +194,7 @@ fn update_time_in_view<S: Simd, const N: usize>(
     let slot_at_last_look = &mut state.attention.oncoming_slot[slot][lanes];
     let time_in_view = &mut state.attention.oncoming_time_in_view[slot][lanes];
     let is_unchanged = slot_in_view.simd_eq(*slot_at_last_look);
+    // `decision` is the time between two decisions [s].
     let time = select(
         is_unchanged,
         *time_in_view + constants.decision,
@@ -211,7 +219,7 @@ struct Sighting<S: Simd> {
     sight_range_ratio: F32<S>,
     /// Whether the driver can see the vehicle.
     is_visible: Mask<S>,
-    /// Sight distance in the lane of the vehicle [m].
+    /// Distance to which the driver sees along the lane of the vehicle [m].
     sight_distance: F32<S>,
 }
 
@@ -246,6 +254,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         sight_distance: F32<S>,
     ) -> Sighting<S> {
         let (vx, params) = (&self.state.motion.vx, self.params);
+        // An oncoming vehicle shows its headlamps.
         let [half_length, log_contrast, inverse_lamp_intensity] =
             each_at_slot!(params, oncoming.slot, |j| [
                 params.vehicles[j].half_length,
@@ -261,7 +270,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             log_contrast,
             inverse_lamp_intensity,
         };
-        let ratio = sight_range_ratio(params, gap, true, &conspicuity, extinction);
+        let is_ahead = true;
+        let ratio = sight_range_ratio(params, gap, is_ahead, &conspicuity, extinction);
         let range = at_most(sight_distance, params.constants.oncoming_range);
         Sighting {
             slot: oncoming.slot,
@@ -276,15 +286,17 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Closing speed if oncoming vehicles drive as fast as usual [m/s].
     #[inline(always)]
     pub fn expected_closing_speed(self) -> F32<S> {
-        self.road_velocity().0 + self.params.simulations.expected_oncoming_speed
+        let (own_speed, _) = self.road_velocity(); // Along and across the road [m/s].
+        own_speed + self.params.simulations.expected_oncoming_speed
     }
 
     /// Beliefs of a driver about an oncoming vehicle, and its assumptions without one.
     ///
     /// The driver extrapolates the motion that it saw a reaction delay ago. It misjudges the distance by a slowly
-    /// varying factor; the error fades as contact comes near. It expects the usual speed until the vehicle looms, that
-    /// is until its image visibly grows. A driver that has detected no vehicle assumes one at the range to which
-    /// drivers look.
+    /// varying factor; `looming.error_share`, the share of the error that is left, falls from 1 to 0 as contact comes
+    /// near. It expects the usual speed until the vehicle looms, that is until its image visibly grows; then
+    /// `looming.noticed_share`, which grows to 1 with the looming, weights the speed that looming shows. A driver that
+    /// has detected no vehicle assumes one at the range to which drivers look.
     #[inline(always)]
     fn believe(
         self,
@@ -300,20 +312,23 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             state.motion.vx[j]
         ]);
         let is_detected = sighting.is_visible & is_certain;
-        let (speed, _) = self.road_velocity();
+        let (own_speed, _) = self.road_velocity(); // Along and across the road [m/s].
+        // The speed of the oncoming vehicle along its own axis is nearly that along the road.
         let is_imminent = sighting
             .gap
-            .simd_lt(constants.urgent_time * (speed + oncoming_vx));
+            .simd_lt(constants.urgent_time * (own_speed + oncoming_vx));
+        // In decisions.
         let delay = select(
             is_imminent,
             vehicle.urgent_reaction_delay,
             vehicle.reaction_delay,
         );
+        // Station and speed that the driver saw a reaction delay ago, the station extrapolated to now.
         let recalled = extrapolate_motion(state, params, sighting.slot, delay, decision_index);
         // The frame of the oncoming vehicle counts stations from the other end of the road.
         let distance = (params.road.directions.length - recalled.s) - state.motion.s[slot];
         let gap = distance - sighting.half_lengths;
-        let looming = self.sense_looming(gap, speed + recalled.speed, width);
+        let looming = self.sense_looming(gap, own_speed + recalled.speed, width);
         // Two-wheelers look farther away.
         let size_factor = select(
             two_wheeler.simd_gt(0.0),
@@ -338,19 +353,20 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
     }
 
-    /// Sight distance along the opposing lane: the smallest of those that the road, the weather and a tall leader leave
-    /// [m].
+    /// Sight distance along the opposing lane [m].
+    ///
+    /// The smallest of the distances that the road, the weather and a tall leader leave.
     #[inline(always)]
     fn sight_distance(self, neighbours: &Neighbours<S>) -> F32<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, road) = (&params.constants, &params.road);
-        let (s, _) = self.road_position();
-        let is_oncoming = self.vehicle().travel_sign.simd_lt(0.0);
+        let (s, _) = self.road_position(); // Counted from the start of the road for both directions.
+        let is_against_road = self.vehicle().travel_sign.simd_lt(0.0);
         let mut stated_by_map = splat(params.simd, 0.0);
         let directions = &road.directions;
         for (table, applies) in [
-            (&directions.sight_along, !is_oncoming),
-            (&directions.sight_against, is_oncoming),
+            (&directions.sight_along, !is_against_road),
+            (&directions.sight_against, is_against_road),
         ] {
             if applies.any_true() {
                 stated_by_map = select(applies, interpolate_knots(table, s), stated_by_map);
@@ -365,8 +381,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             neighbours.distance[LEADER] - neighbours.half_length[LEADER],
             MIN_SIGHT_LINE,
         );
-        // The line of sight begins at the driver's eye, which is beside the middle of the vehicle, and passes the
-        // leader's rear corner on the side of the opposing lane. Offsets are lateral distances from the eye.
+        // The line of sight begins at the driver's eye, which is `eye_offset` to the left of the vehicle's centre, and
+        // passes the leader's left rear corner. Offsets are lateral distances from the eye, positive to the left.
         let corner_offset = neighbours.lateral_distance[LEADER] + half_width - constants.eye_offset;
         let opposing_lane_d = 0.5
             * (road.boundaries[road.num_lanes] + road.boundaries[road.directions.num_own_lanes]);
@@ -379,7 +395,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let distance = lane_offset * (distance_to_rear / at_least(corner_offset, MIN_SIGHT_LINE));
         let past_leader = select(hides_lane, distance, splat(params.simd, FAR));
         // `state.road.sight_distance` follows from bends and crests; it limits nothing if the map states sight
-        // distances.
+        // distances. `oncoming_sight` is the limit by the weather.
         let by_road = min(stated_by_map, state.road.sight_distance[slot]);
         min(min(by_road, past_leader), params.simulations.oncoming_sight)
     }
@@ -395,7 +411,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
-/// The quantity of a table at stations; the first station of a table is far before the road.
+/// The value of a table at stations, linear between its knots.
+///
+/// The first knot is far before the road, so every `s` has a knot behind it.
 #[inline(always)]
 fn interpolate_knots<S: Simd>(table: &KnotTable, s: F32<S>) -> F32<S> {
     let KnotTable {
@@ -411,7 +429,7 @@ fn interpolate_knots<S: Simd>(table: &KnotTable, s: F32<S>) -> F32<S> {
     result
 }
 
-/// A vehicle in the frame of the other direction of travel.
+/// A vehicle in the frame of the other direction of travel, in which the drivers that it meets count positions.
 #[derive(Clone, Copy)]
 struct OppositeView<S: Simd> {
     /// Station of the centre [m].
@@ -427,7 +445,7 @@ struct OppositeView<S: Simd> {
 }
 
 impl<S: Simd> OppositeView<S> {
-    /// Whether a part of the body lies between the edges [m] of a lane or a road.
+    /// Whether a part of the body lies between two edges [m] of a lane or a road, in the frame of the other direction.
     #[inline(always)]
     fn overlaps(&self, (right_edge, left_edge): (F32<S>, F32<S>)) -> Mask<S> {
         self.left_side.simd_gt(right_edge) & self.right_side.simd_lt(left_edge)
@@ -445,8 +463,9 @@ pub struct OncomingSearch<S: Simd, const N: usize> {
     slots_along: u32,
     /// Slots of vehicles that drive against the direction of the road.
     slots_against: u32,
-    /// Slots of vehicles that are in the first lane of the other direction, or visibly change to it.
-    off_lane_slots: u32,
+    /// Slots of vehicles that are in lane 0 of the other direction, which for them is the opposing lane, or visibly
+    /// change to it.
+    opposing_lane_slots: u32,
     /// Whether the vehicle in each slot overtakes.
     overtakes: [Mask<S>; N],
     /// Slots of vehicles that overtake.
@@ -469,7 +488,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             as_seen_by_oncoming: [view; N],
             slots_along: 0,
             slots_against: 0,
-            off_lane_slots: 0,
+            opposing_lane_slots: 0,
             overtakes: [never; N],
             overtaking_slots: 0,
         }
@@ -488,7 +507,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         let (constants, road) = (&params.constants, &params.road);
         let simd = params.simd;
         let right_edge = splat(simd, road.boundaries[0] + constants.corridor_margin);
-        let first_lane = (
+        let lane_0 = (
             right_edge,
             splat(simd, road.boundaries[1] - constants.corridor_margin),
         );
@@ -498,9 +517,10 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         );
         let whole_road = (right_edge, left_edge);
         (self.slots_along, self.slots_against) = (0, 0);
-        (self.off_lane_slots, self.overtaking_slots) = (0, 0);
+        (self.opposing_lane_slots, self.overtaking_slots) = (0, 0);
         for j in 0..params.num_slots_in_use {
             let vehicle = &params.vehicles[j];
+            // Whether the simulation has a vehicle in this slot.
             let valid = vehicle.valid.simd_gt(0.0);
             let d = road.directions.edge_sum - state.motion.d[j];
             let view = OppositeView {
@@ -510,12 +530,12 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
                 lane: (road.num_lanes - 1) as f32 - state.lane_choice.lane[j],
                 on_road: valid,
             };
-            let is_off_lane = view.overlaps(first_lane)
-                | (bodies[j].visibly_changes_lane & view.lane.simd_eq(0.0));
+            let is_in_opposing_lane =
+                view.overlaps(lane_0) | (bodies[j].visibly_changes_lane & view.lane.simd_eq(0.0));
             let drives_along = vehicle.travel_sign.simd_gt(0.0);
             self.slots_along |= u32::from((valid & drives_along).any_true()) << j;
             self.slots_against |= u32::from((valid & !drives_along).any_true()) << j;
-            self.off_lane_slots |= u32::from((valid & is_off_lane).any_true()) << j;
+            self.opposing_lane_slots |= u32::from((valid & is_in_opposing_lane).any_true()) << j;
             self.overtakes[j] = state.vehicle(params, j).is_overtaking();
             self.overtaking_slots |= u32::from(self.overtakes[j].any_true()) << j;
             self.as_seen_by_oncoming[j] = OppositeView {
@@ -565,7 +585,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         }
         // In lane 0 a driver meets only vehicles that are in this lane or change to it; skipping the others saves time.
         if lane.simd_eq(0.0).all_true() {
-            oncoming_slots &= self.off_lane_slots;
+            oncoming_slots &= self.opposing_lane_slots;
         }
         if oncoming_slots == 0 {
             return [driver.where_vehicle_exists(nearest), in_own_lane];
@@ -620,7 +640,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
 
     /// Whether another vehicle passes the driver on the left, near enough for the driver to notice.
     ///
-    /// The vehicle may still be behind, or already ahead, by less than `passed_awareness_margin`.
+    /// The gap to the vehicle, which may be behind or ahead, is less than `passed_awareness_margin`.
     #[inline(always)]
     fn is_being_passed(&self, driver: VehicleHandle<'_, S, N>) -> Mask<S> {
         let (state, params, slot) = (driver.state, driver.params, driver.slot);

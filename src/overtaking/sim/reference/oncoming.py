@@ -1,7 +1,9 @@
 """Oncoming vehicles on two-way roads: search, visibility and beliefs of drivers.
 
-Each vehicle has a frame of its own direction of travel. In it lane 0 is the lane of that direction,
-and the opposing lane is on the left, the overtaking side.
+Each vehicle has a frame of coordinates of its own direction of travel. In it stations grow ahead,
+lateral positions grow to the left, the overtaking side, lane 0 is the lane of that direction, and
+the opposing lane is on the left. Each vehicle has a slot, its number in the simulation. A driver's
+leader is the vehicle ahead of it in its direction.
 """
 
 from dataclasses import dataclass
@@ -38,7 +40,8 @@ from overtaking.sim.reference.state import (
 )
 from overtaking.world.step_parameters import StepParameters
 
-# Rows of `Attention.oncoming_slot`: the nearest vehicle in any lane, and in the driver's own lane.
+# Rows of `Attention.oncoming_slot` and `oncoming_time_in_view`: the nearest oncoming vehicle in any
+# lane, and in the driver's own lane.
 _IN_ANY_LANE, _IN_OWN_LANE = range(2)
 
 
@@ -59,7 +62,7 @@ class Sighting:
         gap: Gap between the front bumpers [m].
         sight_range_ratio: Distance over the range at which light and weather show the vehicle [1].
         is_visible: Whether the driver can see the vehicle.
-        sight_distance: Sight distance in the lane of the vehicle [m].
+        sight_distance: Distance to which the driver sees along the lane of the vehicle [m].
     """
 
     slot: F32
@@ -88,11 +91,12 @@ def observe_oncoming(
         Farber and Silver 1967, ARRB 1978 (drivers expect a usual speed); Levulis 2015 (small
         oncoming vehicles look farther away).
     """
-    no_slot = np.full_like(state.motion.s, NO_SLOT)
-    nearest_in_any_lane, nearest_in_own_lane = nearest_oncoming(state, params, no_slot)
+    excludes_none = np.full_like(state.motion.s, NO_SLOT)
+    nearest_in_any_lane, nearest_in_own_lane = nearest_oncoming(state, params, excludes_none)
     sight_distance = _sight_distance(state, params, neighbours)
     any_lane_sighting = _sighting(state, params, neighbours, nearest_in_any_lane, sight_distance)
-    # Bends and crests limit the view along the driver's own lane; in the model, a leader does not.
+    # Bends and crests limit the view along the driver's own lane. That a leader does not hide it is
+    # a choice of this model.
     own_sight_distance = state.road.sight_distance
     own_lane_sighting = _sighting(
         state, params, neighbours, nearest_in_own_lane, own_sight_distance
@@ -133,13 +137,14 @@ def _sight_distance(state: State, params: StepParameters, neighbours: Neighbours
     The smallest of the distances that the road, the weather and a tall leader leave.
     """
     vehicles, constants, road = params.vehicles, params.constants, params.road
-    s, _ = state.road_position(params)
+    s, _ = state.road_position(params)  # Counted from the start of the road for both directions.
     along, against = (_interpolate_knots(table, s) for table in road.sight)
+    # The travel sign is 1 along the road and -1 against it.
     stated_by_map = np.where(vehicles.travel_sign < 0, against, along)
     leader = neighbours.slot[LEADER]
-    # The line of sight begins at the driver's eye, which is beside the middle of the vehicle, and
-    # passes the leader's rear corner on the side of the opposing lane. Offsets are lateral
-    # distances from the eye.
+    # The line of sight begins at the driver's eye, which is `eye_offset` to the left of the
+    # vehicle's centre, and passes the leader's left rear corner. Offsets are lateral distances from
+    # the eye, positive to the left.
     distance_to_rear = maximum(
         neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE
     )
@@ -153,7 +158,7 @@ def _sight_distance(state: State, params: StepParameters, neighbours: Neighbours
     distance = lane_offset * (distance_to_rear / maximum(corner_offset, MIN_SIGHT_LINE))
     past_leader = np.where(hides_lane, distance, FAR)
     # `state.road.sight_distance` follows from bends and crests; it limits nothing if the map states
-    # sight distances.
+    # sight distances. `oncoming_sight` is the limit by the weather.
     by_road = minimum(stated_by_map, state.road.sight_distance)
     return minimum(minimum(by_road, past_leader), params.simulations.oncoming_sight)
 
@@ -185,6 +190,7 @@ def _sighting(
     vehicles, slot = params.vehicles, oncoming.slot
     half_lengths = value_at_slot(vehicles.half_length, slot) + vehicles.half_length
     gap = oncoming.distance - half_lengths
+    # An oncoming vehicle shows its headlamps.
     conspicuity = Conspicuity(
         value_at_slot(vehicles.log_contrast, slot), value_at_slot(vehicles.inverse_head_lamp, slot)
     )
@@ -213,21 +219,23 @@ def update_time_in_view(
         sighting: Visibility of the nearest vehicle in these lanes.
     """
     attention, constants = state.attention, params.constants
-    slot = np.where(sighting.is_visible, sighting.slot, NO_SLOT)
+    slot_in_view = np.where(sighting.is_visible, sighting.slot, NO_SLOT)
+    # `decision` is the time between two decisions [s].
     longer_time = attention.oncoming_time_in_view[lanes] + constants.decision
-    time = np.where(slot == attention.oncoming_slot[lanes], longer_time, ZERO)
+    time = np.where(slot_in_view == attention.oncoming_slot[lanes], longer_time, ZERO)
     # Drivers have watched the traffic before the first frame.
     is_first_look = attention.oncoming_slot[lanes] == NEVER_LOOKED
     attention.oncoming_time_in_view[lanes] = np.where(
         is_first_look, constants.initial_time_in_view, time
     )
-    attention.oncoming_slot[lanes] = slot
+    attention.oncoming_slot[lanes] = slot_in_view
 
 
 def _is_certain(state: State, params: StepParameters, sighting: Sighting, lanes: int) -> Mask:
     """Whether each driver has looked long enough to know if a vehicle is coming.
 
-    Recognising an empty road takes as long as detecting a clearly visible vehicle, so no driver
+    The time in view counts for the vehicle in view, or for the view without a vehicle. Recognising
+    an empty road takes as long as detecting a clearly visible vehicle, so no driver
     pulls out the moment a bend or a truck stops hiding the road.
     """
     needed_time = np.where(
@@ -253,8 +261,9 @@ def _believe(
     drivers look.
     """
     vehicles, slot = params.vehicles, sighting.slot
-    own_speed, _ = state.road_velocity()
+    own_speed, _ = state.road_velocity()  # Along the road.
     delay = _reaction_delay(state, params, sighting)
+    # Station and speed that the driver saw a reaction delay ago, the station extrapolated to now.
     recalled = extrapolate_motion(state, params, slot, delay, decision_index)
     # The frame of the oncoming vehicle counts stations from the other end of the road.
     gap = (params.road.length - recalled.s) - state.motion.s - sighting.half_lengths
@@ -278,6 +287,7 @@ def _reaction_delay(state: State, params: StepParameters, sighting: Sighting) ->
     """Reaction delay to the oncoming vehicle, shorter where it is imminent [decisions]."""
     vehicles = params.vehicles
     own_speed, _ = state.road_velocity()
+    # The speed `vx` of the vehicle along its own axis is nearly that along the road.
     closing_speed = own_speed + value_at_slot(state.motion.vx, sighting.slot)
     is_imminent = sighting.gap < params.constants.urgent_time * closing_speed
     return np.where(is_imminent, vehicles.urgent_reaction_delay, vehicles.reaction_delay)
@@ -288,7 +298,8 @@ def _believed_gap(
 ) -> F32:
     """Gap to the oncoming vehicle as drivers misjudge it [m].
 
-    Two-wheelers look farther away. The error fades as contact comes near.
+    Two-wheelers look farther away. `looming.error_share` is the share of the error that is left; it
+    falls from 1 to 0 as contact comes near.
     """
     is_two_wheeler = value_at_slot(params.vehicles.two_wheeler, slot) > 0
     size_factor = np.where(is_two_wheeler, params.constants.two_wheeler_distance_factor, ONE)
@@ -301,7 +312,8 @@ def _believed_closing_speed(
 ) -> F32:
     """Believed closing speed [m/s].
 
-    The expected speed until the vehicle looms, then increasingly the speed that looming shows.
+    The expected speed until the vehicle looms; then `looming.noticed_share`, which grows to 1 with
+    the looming, weights the speed that looming shows.
     """
     expected = expected_closing_speed(state, params)
     sensed = expected + looming.noticed_share * (looming.closing_speed - expected)
@@ -331,10 +343,12 @@ def nearest_oncoming(
     lane, margin = state.lane_choice.lane, constants.corridor_margin
     # Borders of the lanes in the order of `_IN_ANY_LANE` and `_IN_OWN_LANE`.
     road_edges = road.boundaries[0], road.boundaries[road.num_lanes]
+    # 0 selects each driver's own lane.
     borders = road_edges, lane_borders(state, params, 0.0)
     slot = np.full((2, *state.motion.s.shape), NO_SLOT)
     distance = np.full_like(slot, FAR)
     for other_slot in range(len(state.motion.s)):
+        # Station and lateral position of the other vehicle in the frame of each driver.
         s, d = state.position_seen_by_each(params, other_slot)
         distance_ahead = s - state.motion.s
         right_side, left_side = (
@@ -351,20 +365,21 @@ def nearest_oncoming(
         )
         is_ahead = is_oncoming & (distance_ahead >= 0) & (excluded_slot != np.float32(other_slot))
         for lanes, (right, left) in enumerate(borders):
-            is_there = (left_side > right + margin) & (right_side < left - margin)
-            is_there = is_there | changes_to_lane if lanes == _IN_OWN_LANE else is_there
-            is_nearer = is_ahead & is_there & (distance_ahead < distance[lanes])
+            is_in_lanes = (left_side > right + margin) & (right_side < left - margin)
+            is_in_lanes = is_in_lanes | changes_to_lane if lanes == _IN_OWN_LANE else is_in_lanes
+            is_nearer = is_ahead & is_in_lanes & (distance_ahead < distance[lanes])
             slot[lanes] = np.where(is_nearer, np.float32(other_slot), slot[lanes])
             distance[lanes] = np.where(is_nearer, distance_ahead, distance[lanes])
-    any_lane, own_lane = (NearestOncoming(slot[k], distance[k]) for k in range(2))
+    any_lane, own_lane = (
+        NearestOncoming(slot[lanes], distance[lanes]) for lanes in (_IN_ANY_LANE, _IN_OWN_LANE)
+    )
     return any_lane, own_lane
 
 
 def is_being_passed(state: State, params: StepParameters) -> Mask:
     """Whether another vehicle passes each driver on the left, near enough for the driver to notice.
 
-    The vehicle may still be behind, or already ahead, by less than
-    `passed_awareness_margin`.
+    The gap to the vehicle, which may be behind or ahead, is less than `passed_awareness_margin`.
     """
     vehicles, s, lane = params.vehicles, state.motion.s, state.lane_choice.lane
     overtakes, is_passed = state.is_overtaking(), np.zeros(s.shape, bool)
