@@ -1,8 +1,13 @@
 //! Decisions during a pass on a two-way road: to complete it, to abort it, or to return urgently. The twin of
 //! `overtaking.sim.reference.pass_continuation`.
 //!
-//! A passing driver is in the opposing lane. Its own lane is on its right: the right leader is the next vehicle ahead
-//! there, the right follower the vehicle behind it, after the pass its target.
+//! The target is the vehicle that a driver overtakes. A passing driver is in the opposing lane, and its own lane is on
+//! its right. The right leader is the nearest vehicle there whose centre is ahead of the driver's: at first the target,
+//! later the next vehicle. The right follower is the nearest one behind: later the target.
+//!
+//! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
+//! computed together. `VehicleHandle` is a view of one driver in them. `at_slot!` and `each_at_slot!` read values of the
+//! vehicle whose slot they get.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -46,7 +51,7 @@ struct RelativeMotion<S: Simd> {
     target_speed: F32<S>,
     /// Speed of the driver minus the target's [m/s].
     closing_speed: F32<S>,
-    /// Distance of the target ahead, now and as needed for an abort.
+    /// How far the target is ahead, now and as needed for an abort.
     target_lead: TargetLead<S>,
 }
 
@@ -86,8 +91,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ///
     /// - While its centre is behind the target's centre, it aborts if it would meet the oncoming vehicle too soon after
     ///   the pass and aborting is quicker.
-    /// - If it is past the target and has no time for the next vehicle, it returns between the two. If the space
-    ///   between them is too small, or aborting is quicker than clearing the target, it aborts.
+    /// - If its centre is past the target's centre and it has no time for the next vehicle, it returns between the two.
+    ///   If the space between them is too small, or falling back is quicker than gaining the distance that it still
+    ///   lacks to return ahead of the target, it aborts.
     /// - It returns urgently if little time would be left, and then accepts a small gap. A driver that heeds solid lines
     ///   also returns urgently if it would otherwise cross one, but keeps its usual gap.
     #[inline(always)]
@@ -98,7 +104,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             abort: self.time_to_abort(&motion),
             meet: time_to_meet(&context.oncoming.nearest),
         };
-        let is_passing = self.is_before_return();
+        let is_passing = self.is_before_return(); // It pulls out or passes.
         let must_return_now = self.must_return_before_next(context);
         let space = self.return_space(context, &motion);
         // An abort is final during the pass.
@@ -125,7 +131,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Speeds of the driver and its target, and the lead of the target.
     #[inline(always)]
     fn relative_motion(self) -> RelativeMotion<S> {
-        let (speed, target_speed) = (self.road_velocity().0, self.target_speed());
+        let (speed, _) = self.road_velocity(); // Along and across the road.
+        let target_speed = self.target_speed();
         RelativeMotion {
             speed,
             target_speed,
@@ -157,6 +164,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 
     /// Braking of an aborting driver, positive [m/s^2].
+    ///
+    /// It is less than `max_assumed_decel`, the hardest braking that the driver believes possible: a choice.
     #[inline(always)]
     fn abort_decel(self) -> F32<S> {
         self.params.constants.abort_decel_share * self.vehicle().max_assumed_decel
@@ -192,7 +201,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ) -> ReturnSpace<S> {
         let (gap, vehicle) = (&context.neighbours.gap, self.vehicle());
         let size = gap[RIGHT_LEADER] + gap[RIGHT_FOLLOWER];
-        // Drivers leave a longer gap ahead of a target that blocks the view.
+        // Drivers leave a longer gap ahead of a target that blocks the view, because such a vehicle brakes worse.
         let target_slot = self.state.overtake.target_slot[self.slot];
         let factor = tall_vehicle_gap_factor(self.params, target_slot);
         let return_time_gap = vehicle.return_time_gap * factor;
@@ -223,6 +232,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         space: &ReturnSpace<S>,
     ) -> Mask<S> {
         let closing_speed = at_least(motion.closing_speed, MIN_CLOSING_SPEED);
+        // At the present speed, unlike `times.complete`: the driver follows the next vehicle, which may be too slow for
+        // it to get clear of the target. The lane change counts for the abort alone.
         let clears_target_late = (motion.distance_to_clear() / closing_speed).simd_gt(times.abort);
         space.size.simd_lt(self.params.constants.min_return_space) | clears_target_late
     }
@@ -230,19 +241,21 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Whether a driver that heeds solid lines would return across one.
     #[inline(always)]
     fn would_cross_solid_line(self, motion: &RelativeMotion<S>, times: &PassTimes<S>) -> Mask<S> {
+        // `line_is_solid` tests the line here and at this distance ahead, where the driver returns.
         let distance = at_least(motion.speed, 0.0) * times.complete;
         self.line_is_solid(distance) & self.vehicle().heeds_solid_lines.simd_gt(0.0)
     }
 
     /// Whether an aborting driver has gaps to its target and in its lane once it has braked.
     ///
-    /// The gaps are those at the end of the braking. When drivers were judged by their present gaps, they touched the
+    /// The gaps are those at the end of the braking. With present gaps, drivers moved over too early and touched the
     /// vehicle ahead, because braking takes effect late.
     #[inline(always)]
     fn fits_after_braking(self, context: &DriverContext<S>, motion: &RelativeMotion<S>) -> Mask<S> {
         let TargetLead { now, needed } = motion.target_lead;
         let lead_after_braking = now - self.distance_gained_while_braking(motion.closing_speed);
-        // The leader in the own lane counts, too: the target may have pulled out itself.
+        // The leader in the own lane may be another vehicle, if the target has pulled out itself. `steady_leader` is the
+        // believed leader with an acceleration of 0: the driver assumes that it keeps its speed.
         let leader = context.beliefs.steady_leader(RIGHT_LEADER);
         let gap = leader.gap - self.distance_gained_while_braking(leader.closing_speed);
         lead_after_braking.simd_gt(needed) & gap.simd_gt(self.params.constants.min_return_gap)
@@ -254,8 +267,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     #[inline(always)]
     fn distance_gained_while_braking(self, closing_speed: F32<S>) -> F32<S> {
         let closing_speed = at_least(closing_speed, 0.0);
-        let braking_time = closing_speed / (2.0 * self.abort_decel());
-        closing_speed * (self.params.constants.brake_ramp + braking_time)
+        let half_braking_time = closing_speed / (2.0 * self.abort_decel());
+        closing_speed * (self.params.constants.brake_ramp + half_braking_time)
     }
 
     /// Whether the driver passes and its centre is past the target's centre.
@@ -278,6 +291,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
         let (constants, vehicle) = (&self.params.constants, self.vehicle());
         let oncoming = &context.oncoming.nearest;
+        // Along the vehicle's own axis; nearly that along the road.
         let speed = self.state.motion.vx[self.slot];
         let next_vehicle = context.beliefs.steady_leader(RIGHT_LEADER);
         // To pass the next vehicle, the driver gains the gap, both lengths and the smallest return gap.
@@ -291,15 +305,18 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let time = self.time_to_pass(distance, &speeds)
             + self.time_to_move_over()
             + constants.urgent_return_margin;
+        // The driver counts on the nearer of the believed vehicle and one that the hidden part of the road may contain.
+        // For the other decisions (`time_to_meet`) only a detected vehicle counts.
         let would_be_late =
             assumed_oncoming_gap(vehicle, oncoming).simd_lt(time * oncoming.closing_speed);
-        // The acceleration that just avoids a contact.
+        // The acceleration that just avoids a contact, if the next vehicle keeps its speed.
         let needed_accel = cah_accel(constants, speed, &next_vehicle);
         let can_brake = needed_accel.simd_ge(-self.abort_decel());
         self.is_past_target() & would_be_late & can_brake
     }
 
-    /// Whether the driver is past its target and comes beside the next vehicle, its new target.
+    /// Whether the driver is past its target and comes beside the next vehicle, its new target; "past" compares the
+    /// centres.
     #[inline(always)]
     pub fn overtakes_next_vehicle(self, context: &DriverContext<S>) -> Mask<S> {
         let passes = self.is_in_stage(stage::PASS);
@@ -339,13 +356,15 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
         let (constants, vehicle) = (&params.constants, self.vehicle());
         let speed_after_abort = self.target_speed() - constants.abort_speed_difference;
+        let (speed_along_road, _) = self.road_velocity();
         let abort_accel = select(
-            self.road_velocity().0.simd_lt(speed_after_abort),
+            speed_along_road.simd_lt(speed_after_abort),
             splat(params.simd, 0.0),
             -self.abort_decel(),
         );
         let gap = &context.neighbours.gap;
         let gap_in_middle = 0.5 * (gap[RIGHT_LEADER] + gap[RIGHT_FOLLOWER]);
+        // Along the vehicle's own axis; nearly that along the road.
         let speed = self.state.motion.vx[slot];
         // `slip_speed` is the least divisor wherever a formula divides by speed.
         let time_gap_in_middle =

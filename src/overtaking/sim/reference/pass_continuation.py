@@ -1,8 +1,10 @@
 """Decisions during a pass on a two-way road: to complete it, to abort it, or to return urgently.
 
-A passing driver is in the opposing lane. Its own lane is on its right: the right leader is the next
-vehicle ahead there, the right follower the vehicle behind it, after the pass its target. The ego
-and the others follow the same rules; `slots` selects the rows of the arrays.
+The target is the vehicle that a driver overtakes. A passing driver is in the opposing lane, and its
+own lane is on its right. The right leader is the nearest vehicle there whose centre is ahead of the
+driver's: at first the target, later the next vehicle. The right follower is the nearest one behind:
+later the target. The ego and the others follow the same rules; `slots` selects the rows of arrays
+of shape (vehicle, simulation).
 """
 
 from dataclasses import dataclass
@@ -71,7 +73,7 @@ class RelativeMotion:
         speed: Speed of the driver [m/s].
         target_speed: Speed of the target [m/s].
         closing_speed: Speed of the driver minus the target's [m/s].
-        target_lead: Distance of the target ahead, now and as needed for an abort.
+        target_lead: How far the target is ahead, now and as needed for an abort.
     """
 
     target_slot: F32
@@ -106,9 +108,9 @@ def decide_pass_continuation(
 
     - While its centre is behind the target's centre, it aborts if it would meet the oncoming
       vehicle too soon after the pass and aborting is quicker.
-    - If it is past the target and has no time for the next vehicle, it returns between the two. If
-      the space between them is too small, or aborting is quicker than clearing the target, it
-      aborts.
+    - If its centre is past the target's centre and it has no time for the next vehicle, it returns
+      between the two. If the space between them is too small, or falling back is quicker than
+      gaining the distance that it still lacks to return ahead of the target, it aborts.
     - It returns urgently if little time would be left, and then accepts a small gap. A driver that
       heeds solid lines also returns urgently if it would otherwise cross one, but keeps its usual
       gap.
@@ -121,7 +123,7 @@ def decide_pass_continuation(
         abort=_time_to_abort(params, vehicle, motion),
         meet=_time_to_meet(context.oncoming.nearest, slots),
     )
-    is_passing = state.is_before_return(slots)
+    is_passing = state.is_before_return(slots)  # It pulls out or passes.
     must_return_now = _must_return_before_next(state, params, context)[slots]
     space = _return_space(params, context, vehicle, motion, slots)
     must_abort = is_passing & (
@@ -178,7 +180,11 @@ def _time_to_move_over(params: StepParameters) -> F32:
 
 
 def _abort_decel(params: StepParameters, vehicle: VehicleParameters) -> F32:
-    """Braking of an aborting driver, positive [m/s^2]."""
+    """Braking of an aborting driver, positive [m/s^2].
+
+    It is less than `max_assumed_decel`, the hardest braking that the driver believes possible: a
+    choice.
+    """
     return params.constants.abort_decel_share * vehicle.max_assumed_decel
 
 
@@ -221,7 +227,8 @@ def _return_space(
     """The space between the two vehicles beside each driver, compared with its usual demand."""
     gap = context.neighbours.gap
     size = gap[RIGHT_LEADER, slots] + gap[RIGHT_FOLLOWER, slots]
-    # Drivers leave a longer gap ahead of a target that blocks the view.
+    # Drivers leave a longer gap ahead of a target that blocks the view, because such a vehicle
+    # brakes worse.
     factor = tall_vehicle_gap_factor(params, motion.target_slot)
     return_time_gap = vehicle.return_time_gap * factor
     # The usual gap behind the next vehicle, plus the usual gap ahead of the target, at its speed.
@@ -240,6 +247,8 @@ def _is_trapped(
 ) -> Mask:
     """Whether the space is too small, or aborting is quicker than clearing the target."""
     closing_speed = maximum(motion.closing_speed, MIN_CLOSING_SPEED)
+    # At the present speed, unlike `times.complete`: the driver follows the next vehicle, which may
+    # be too slow for it to get clear of the target. The lane change counts for the abort alone.
     clears_target_late = _distance_to_clear(motion) / closing_speed > times.abort
     return (space.size < params.constants.min_return_space) | clears_target_late
 
@@ -252,6 +261,7 @@ def _would_cross_solid_line(
     times: PassTimes,
 ) -> Mask:
     """Whether a driver that heeds solid lines would return across one."""
+    # `line_is_solid` tests the line here and at this distance ahead, where the driver returns.
     distance = maximum(motion.speed, ZERO) * times.complete
     heeds_solid_lines = params.vehicles.heeds_solid_lines[slots] > 0
     return line_is_solid(state, params, slots, distance) & heeds_solid_lines
@@ -266,14 +276,15 @@ def _fits_after_braking(
 ) -> Mask:
     """Whether an aborting driver has gaps to its target and in its lane once it has braked.
 
-    The gaps are those at the end of the braking. When drivers were judged by their present gaps,
-    they touched the vehicle ahead, because braking takes effect late.
+    The gaps are those at the end of the braking. With present gaps, drivers moved over too early
+    and touched the vehicle ahead, because braking takes effect late.
     """
     constants, beliefs = params.constants, context.beliefs
     decel = _abort_decel(params, vehicle)
     gained_on_target = _distance_gained_while_braking(constants, motion.closing_speed, decel)
     lead_after_braking = motion.target_lead.now - gained_on_target
-    # The leader in the own lane counts, too: the target may have pulled out itself.
+    # The leader in the own lane may be another vehicle, if the target has pulled out itself. The
+    # driver assumes that it keeps its speed.
     closing_speed = beliefs.closing_speed[RIGHT_LEADER, slots]
     gained_on_leader = _distance_gained_while_braking(constants, closing_speed, decel)
     gap = beliefs.gap[RIGHT_LEADER, slots] - gained_on_leader
@@ -302,7 +313,7 @@ def _must_return_before_next(
     assert context.oncoming is not None, "one-way roads have no oncoming traffic"
     vehicles, constants = params.vehicles, params.constants
     oncoming, beliefs = context.oncoming.nearest, context.beliefs
-    speed = state.motion.vx
+    speed = state.motion.vx  # Along the vehicle's own axis; nearly that along the road.
     is_past_target = state.is_in_stage(Stage.PASS, slice(None)) & (
         state.motion.s > value_at_slot(state.motion.s, state.overtake.target_slot)
     )
@@ -313,10 +324,12 @@ def _must_return_before_next(
     speeds = PassingSpeeds(passer=speed, target=speed - closing_speed, closing=closing_speed)
     time = time_to_pass(constants, vehicles, distance, speeds)
     time = time + _time_to_move_over(params) + constants.urgent_return_margin
+    # The driver counts on the nearer of the believed vehicle and one that the hidden part of the
+    # road may contain. For the other decisions (`_time_to_meet`) only a detected vehicle counts.
     oncoming_gap = assumed_oncoming_gap(vehicles, oncoming.believed_gap, oncoming.sight_distance)
     would_be_late = oncoming_gap < time * oncoming.closing_speed
     next_vehicle = Leader(gap=gap, closing_speed=closing_speed)
-    # The acceleration that just avoids a contact.
+    # The acceleration that just avoids a contact, if the next vehicle keeps its speed.
     needed_accel = cah_accel(constants, speed, next_vehicle)
     can_brake = needed_accel >= -_abort_decel(params, vehicles)
     return is_past_target & would_be_late & can_brake
@@ -325,7 +338,10 @@ def _must_return_before_next(
 def overtakes_next_vehicle(
     state: State, params: StepParameters, context: DecisionContext, slots: SlotSelection
 ) -> Mask:
-    """Whether drivers are past their target and come beside the next vehicle, their new target."""
+    """Whether drivers are past their target and come beside the next vehicle, their new target.
+
+    "Past" compares the centres.
+    """
     neighbours = context.neighbours
     target_s = value_at_slot(state.motion.s, state.overtake.target_slot[slots])
     is_past_target = state.is_in_stage(Stage.PASS, slots) & (state.motion.s[slots] > target_s)
@@ -365,7 +381,7 @@ def accel_limit_while_passing(
     abort_accel = np.where(is_slow_enough, ZERO, -_abort_decel(params, vehicles))
     neighbour_gap = context.neighbours.gap
     gap_in_middle = HALF * (neighbour_gap[RIGHT_LEADER] + neighbour_gap[RIGHT_FOLLOWER])
-    speed = state.motion.vx
+    speed = state.motion.vx  # Along the vehicle's own axis; nearly that along the road.
     # `slip_speed` is the least divisor wherever a formula divides by speed.
     time_gap_in_middle = maximum(gap_in_middle - vehicles.min_gap, ZERO) / maximum(
         speed, constants.slip_speed
