@@ -1,14 +1,15 @@
 //! The table that an external driver of the ego observes: beliefs of the model driver, or truth. The twin of
 //! `overtaking.sim.reference.observation_table`.
 //!
-//! An external driver, such as a trained network, drives the ego, the vehicle under study, in place of the model driver,
-//! which continues to perceive and judge. The target is the vehicle that the ego overtakes. Vehicles have slot numbers;
-//! a role is a neighbour's place, such as leader in the ego's lane. Lateral values and the indicator are positive to the
-//! left, the overtaking side. `overtaking.model.driver_interface` states unit and meaning of each column.
+//! An external driver, such as a trained network, drives the ego, the vehicle under study, in place of the model
+//! driver, which continues to perceive and judge. The target is the vehicle that the ego overtakes. Vehicles have slot
+//! numbers; a role is a neighbour's place, such as leader in the ego's lane. Lateral values and the indicator are
+//! positive to the left, the overtaking side. `overtaking.model.driver_interface` states unit and meaning of each
+//! column.
 //!
 //! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
-//! computed together. `VehicleHandle` is a view of one vehicle of them, here the ego. `at_slot!` and `each_at_slot!` read
-//! values of the vehicle whose slot they get, or of slot 0 without a vehicle.
+//! computed together. `VehicleHandle` is a view of one vehicle of them, here the ego. `at_slot!` and `each_at_slot!`
+//! read values of the vehicle whose slot they get, or of slot 0 without a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -175,9 +176,9 @@ struct NeighbourMotion<S: Simd> {
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// The model driver's beliefs about a neighbour.
     ///
-    /// In the profile of the study by Pinto et al. (2023) the ego changes lanes by that study's script, which decides by
-    /// the true closing speed to the leader: by its belief the ego would pull out too late. There the column shows the
-    /// true speed too.
+    /// In the profile of the study by Pinto et al. (2023) the ego changes lanes by that study's script, which decides
+    /// by the true closing speed to the leader: by its belief the ego would pull out too late. There the column shows
+    /// the true speed too.
     #[inline(always)]
     fn believed_motion(self, context: &DriverContext<S>, role: usize) -> NeighbourMotion<S> {
         let params = self.params;

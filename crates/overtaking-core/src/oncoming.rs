@@ -3,7 +3,8 @@
 //!
 //! Each vehicle has a frame of coordinates of its own direction of travel. In it stations grow ahead, lateral positions
 //! grow to the left, the overtaking side, lane 0 is the lane of that direction, and the opposing lane is on the left.
-//! Each vehicle has a slot, its number in the simulation. A driver's leader is the vehicle ahead of it in its direction.
+//! Each vehicle has a slot, its number in the simulation. A driver's leader is the vehicle ahead of it in its
+//! direction.
 //!
 //! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
 //! computed together; comments call such an element a SIMD lane. `VehicleHandle` is a view of one slot in them.

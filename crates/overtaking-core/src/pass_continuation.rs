@@ -6,8 +6,8 @@
 //! later the next vehicle. The right follower is the nearest one behind: later the target.
 //!
 //! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
-//! computed together. `VehicleHandle` is a view of one driver in them. `at_slot!` and `each_at_slot!` read values of the
-//! vehicle whose slot they get.
+//! computed together. `VehicleHandle` is a view of one driver in them. `at_slot!` and `each_at_slot!` read values of
+//! the vehicle whose slot they get.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -94,8 +94,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// - If its centre is past the target's centre and it has no time for the next vehicle, it returns between the two.
     ///   If the space between them is too small, or falling back is quicker than gaining the distance that it still
     ///   lacks to return ahead of the target, it aborts.
-    /// - It returns urgently if little time would be left, and then accepts a small gap. A driver that heeds solid lines
-    ///   also returns urgently if it would otherwise cross one, but keeps its usual gap.
+    /// - It returns urgently if little time would be left, and then accepts a small gap. A driver that heeds solid
+    ///   lines also returns urgently if it would otherwise cross one, but keeps its usual gap.
     #[inline(always)]
     pub fn decide_pass_continuation(self, context: &DriverContext<S>) -> PassContinuation<S> {
         let motion = self.relative_motion();
@@ -254,8 +254,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     fn fits_after_braking(self, context: &DriverContext<S>, motion: &RelativeMotion<S>) -> Mask<S> {
         let TargetLead { now, needed } = motion.target_lead;
         let lead_after_braking = now - self.distance_gained_while_braking(motion.closing_speed);
-        // The leader in the own lane may be another vehicle, if the target has pulled out itself. `steady_leader` is the
-        // believed leader with an acceleration of 0: the driver assumes that it keeps its speed.
+        // The leader in the own lane may be another vehicle, if the target has pulled out itself. `steady_leader` is
+        // the believed leader with an acceleration of 0: the driver assumes that it keeps its speed.
         let leader = context.beliefs.steady_leader(RIGHT_LEADER);
         let gap = leader.gap - self.distance_gained_while_braking(leader.closing_speed);
         lead_after_braking.simd_gt(needed) & gap.simd_gt(self.params.constants.min_return_gap)

@@ -1,5 +1,12 @@
 //! Whether drivers pass against oncoming traffic, by distance, passing time and sight; the twin of
 //! `overtaking.sim.reference.passing`.
+//!
+//! The leader is the vehicle ahead in a driver's lane, the target the vehicle that it overtakes. The return gap is the
+//! gap to the target that the driver leaves behind itself when it returns.
+//!
+//! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
+//! computed together. `VehicleHandle` is a view of one driver in them. `at_slot!` and `each_at_slot!` read values of
+//! the vehicle whose slot they get.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -29,14 +36,14 @@ pub struct PassingSpeeds<S: Simd> {
     pub passer: F32<S>,
     /// Speed of the vehicle that it passes.
     pub target: F32<S>,
-    /// The first minus the second. A field of its own: where a driver believes a closing speed, the target's speed is
-    /// computed from it, and rounding makes the difference of the speeds another number.
+    /// `passer` minus `target`, a field of its own because of rounding: a driver may believe a closing speed, from
+    /// which the target's speed is computed.
     pub closing: F32<S>,
 }
 
-/// Time to gain a distance [m] on another vehicle, at constant acceleration up to a speed [s].
+/// Time to gain a distance [m] on another vehicle, accelerating up to a top speed [s].
 ///
-/// `closing_speed` and `max_closing_speed` are the present and the largest speed minus the other vehicle's [m/s].
+/// `closing_speed` and `max_closing_speed` are the present and the top speed minus the other vehicle's [m/s].
 #[inline(always)]
 fn time_to_gain<S: Simd>(
     distance: F32<S>,
@@ -61,9 +68,9 @@ fn time_to_gain<S: Simd>(
 /// Acceleration that drivers expect on the way up to their passing speed [m/s^2].
 ///
 /// Passing drivers use more of the engine than followers (`accelerate_gain`). The engine limits them to its force at
-/// the mean of the present speed and the passing speed; `slip_speed` bounds this speed from below. Drivers know the
-/// power of their vehicle. They misjudge the time of a pass by the trait `passing_time_factor`, which is not part of
-/// this acceleration.
+/// the mean of the present speed and the passing speed: for constant power this mean gives the exact time. `slip_speed`
+/// bounds it from below. Drivers know the power of their vehicle. They misjudge the time of a pass by the trait
+/// `passing_time_factor`, which is not part of this acceleration.
 #[inline(always)]
 fn expected_accel<S: Simd>(
     constants: &ModelConstants,
@@ -92,6 +99,7 @@ pub fn assumed_oncoming_gap<S: Simd>(
     vehicle: &VehicleParams<S>,
     oncoming: &OncomingVehicle<S>,
 ) -> F32<S> {
+    // Without a detected vehicle the believed gap is the range to which drivers look.
     min(
         oncoming.believed_gap,
         vehicle.assumed_sight_factor * oncoming.sight_distance,
@@ -126,6 +134,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             self.desired_passing_speed(),
             target_speed + self.params.constants.passing_speed_surplus,
         );
+        // The compliance is the share of the excess over the limit that the driver gives up, 0 to 1.
         let excess = at_least(speed - self.speed_limit(), 0.0);
         min(
             speed - vehicle.speed_limit_compliance * excess,
@@ -140,7 +149,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.state.road_speed_at(self.params, target_slot)
     }
 
-    /// Speed that the passing driver desires now; higher in urgency [m/s].
+    /// Speed that the passing driver wants now [m/s].
+    ///
+    /// It is higher while the driver returns urgently, because an oncoming vehicle or a solid line is near.
     #[inline(always)]
     pub fn current_passing_speed(self) -> F32<S> {
         let usual = self.passing_speed(self.target_speed());
@@ -150,6 +161,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 
     /// Time that the driver expects to need to gain a distance on its target [s].
+    ///
+    /// Its error about it, `passing_time_factor`, is not part of it.
     #[inline(always)]
     pub fn time_to_pass(self, distance: F32<S>, speeds: &PassingSpeeds<S>) -> F32<S> {
         let passing_speed = self.passing_speed(speeds.target);
@@ -171,9 +184,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ///
     /// It compares the time that passing takes, with its error about it and a reserve, with the time until it meets the
     /// nearest oncoming vehicle. Beyond its sight distance it assumes one. To the time of gaining on the leader it adds
-    /// one lane change: half of it before the driver gains, half at the end. A waiting driver asks for less return gap
-    /// and a smaller reserve. The reserve does not fall below a share of its first value: unlike a follower, an
-    /// oncoming vehicle cannot be expected to brake.
+    /// one lane change: half of it passes before the driver gains speed, half during the return. A waiting driver asks
+    /// for less return gap and a smaller reserve: `patience_left` is the share that it still asks for, 1 at first. The
+    /// reserve does not fall below a share of its first value, because drivers expect no oncoming vehicle to brake.
     #[inline(always)]
     pub fn accepts_oncoming_gap(
         self,
@@ -199,7 +212,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         };
         let gaining_time = self.time_to_pass(distance, &speeds);
         let time = vehicle.passing_time_factor * (gaining_time + vehicle.lane_change_duration);
-        // On average over the pass the driver is faster than now by half of its gain in speed.
+        // The closing speed now is too low: on average over the pass the driver is faster by half of its gain in speed.
         let closing_speed = oncoming.closing_speed + 0.5 * at_least(passing_speed - speed, 0.0);
         let reserve =
             vehicle.time_reserve_share * at_least(patience_left, constants.min_time_reserve_share);
@@ -213,14 +226,15 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             .gap_ahead_of(leader_slot)
             .simd_gt(min_gap + time_gap * leader_speed);
         let line_is_solid = self.line_is_solid(splat(params.simd, constants.line_lookahead));
-        let heeds_line = line_is_solid & vehicle.heeds_solid_lines.simd_gt(0.0);
-        has_time & oncoming.is_certain & fits_ahead & !heeds_line
+        let is_kept_by_line = line_is_solid & vehicle.heeds_solid_lines.simd_gt(0.0);
+        // `is_certain`: the driver has looked long enough to know if a vehicle is coming.
+        has_time & oncoming.is_certain & fits_ahead & !is_kept_by_line
     }
 
     /// Gap between the vehicle in `other_slot` and the next vehicle ahead of it; this driver's own does not count [m].
     ///
     /// The vehicle in `other_slot` travels in the driver's direction. The next vehicle may be in any lane, also in the
-    /// opposing lane while it passes.
+    /// opposing lane while it passes. Without one the gap is `FAR`.
     #[inline(always)]
     pub fn gap_ahead_of(self, other_slot: F32<S>) -> F32<S> {
         let (s, params) = (&self.state.motion.s, self.params);
@@ -246,7 +260,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         gap
     }
 
-    /// Whether the line between the directions is solid at the driver, or at a distance ahead of it.
+    /// Whether the line between the directions is solid at the driver, or at a distance [m] ahead of it.
     ///
     /// A solid piece that begins and ends between the two places is overlooked.
     #[inline(always)]
@@ -257,14 +271,15 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             is_solid_along,
             is_solid_against,
         } = &params.road.directions.line_marks;
-        let is_oncoming = travel_sign.simd_lt(0.0);
+        // The sign is 1 along the road and -1 against it; `s` is the station of the road for both directions.
+        let is_against_road = travel_sign.simd_lt(0.0);
         let (s, _) = self.road_position();
         let places = [s, s + travel_sign * distance];
         let mut is_solid = [splat(params.simd, 0.0); 2];
-        // The first mark begins far before the road, so every place has a mark.
+        // A mark holds from its station to the next one. The first is far before the road, so every place has a mark.
         for k in station_indices(stations) {
             let mark = select(
-                is_oncoming,
+                is_against_road,
                 splat(params.simd, is_solid_against[k]),
                 splat(params.simd, is_solid_along[k]),
             );

@@ -1,6 +1,9 @@
 """Whether drivers pass against oncoming traffic: distance, time and sight distance needed.
 
-The ego and the others decide by the same rules; `slots` selects the rows of the arrays.
+The leader is the vehicle ahead in a driver's lane, the target the vehicle that it overtakes. The
+return gap is the gap to the target that the driver leaves behind itself when it returns. The ego
+and the others decide by the same rules; `slots` selects the rows of arrays of shape (vehicle,
+simulation).
 """
 
 from dataclasses import dataclass
@@ -32,8 +35,8 @@ It keeps this time finite where a slow vehicle cannot accelerate. Chosen.
 class PassingSpeeds(NamedTuple):
     """Speeds of a passing driver and its target [m/s].
 
-    The closing speed is a field of its own. Where a driver believes a closing speed, the target's
-    speed is computed from it, and rounding makes the difference of the speeds another number.
+    `closing` is `passer` minus `target`, and a field of its own because of rounding: a driver may
+    believe a closing speed, from which the target's speed is computed.
     """
 
     passer: F32
@@ -70,13 +73,13 @@ class PassingOpportunity:
 
 
 def time_to_gain(distance: F32, closing_speed: F32, max_closing_speed: F32, accel: F32) -> F32:
-    """Time to gain a distance on another vehicle, at constant acceleration up to a speed [s].
+    """Time to gain a distance on another vehicle, accelerating up to a top speed [s].
 
     Args:
         distance: The distance [m].
         closing_speed: Present speed minus the other vehicle's [m/s].
-        max_closing_speed: Largest speed minus the other vehicle's [m/s].
-        accel: Acceleration [m/s^2].
+        max_closing_speed: Top speed minus the other vehicle's [m/s].
+        accel: Acceleration up to the top speed [m/s^2].
     """
     a, v_max = maximum(accel, _MIN_ACCEL), maximum(max_closing_speed, MIN_CLOSING_SPEED)
     v = minimum(maximum(closing_speed, ZERO), v_max)
@@ -94,9 +97,10 @@ def expected_accel(
     """Acceleration that drivers expect on the way up to their passing speed [m/s^2].
 
     Passing drivers use more of the engine than followers (`accelerate_gain`). The engine limits
-    them to its force at the mean of the present speed and the passing speed; `slip_speed` bounds
-    this speed from below. Drivers know the power of their vehicle. They misjudge the time of a pass
-    by the trait `passing_time_factor`, which is not part of this acceleration.
+    them to its force at the mean of the present speed and the passing speed: for constant power
+    this mean gives the exact time. `slip_speed` bounds it from below. Drivers know the power of
+    their vehicle. They misjudge the time of a pass by the trait `passing_time_factor`, which is not
+    part of this acceleration.
 
     Args:
         constants: Constants of the model.
@@ -124,12 +128,16 @@ def passing_speed(vehicle: VehicleParameters, surplus: np.float32, target_speed:
         target_speed: Speed of the target [m/s].
     """
     speed = maximum(vehicle.passing_speed, target_speed + surplus)
+    # The compliance is the share of the excess over the limit that the driver gives up, 0 to 1.
     excess = maximum(speed - vehicle.speed_limit, ZERO)
     return minimum(speed - vehicle.speed_limit_compliance * excess, vehicle.max_speed)
 
 
 def current_passing_speed(state: State, params: StepParameters) -> F32:
-    """The speed that passing drivers want now, (vehicle, simulation) [m/s]."""
+    """The speed that passing drivers want now, (vehicle, simulation) [m/s].
+
+    It is higher while they return urgently, because an oncoming vehicle or a solid line is near.
+    """
     vehicles, constants, overtake = params.vehicles, params.constants, state.overtake
     along_road, _ = state.road_velocity()
     target_speed = value_at_slot(along_road, overtake.target_slot)
@@ -142,6 +150,8 @@ def time_to_pass(
     constants: ModelConstants, vehicle: VehicleParameters, distance: F32, speeds: PassingSpeeds
 ) -> F32:
     """Time that drivers expect to need to gain a distance on their target [s].
+
+    Their error about it, `passing_time_factor`, is not part of it.
 
     Args:
         constants: Constants of the model.
@@ -166,6 +176,7 @@ def assumed_oncoming_gap(vehicle: VehicleParameters, believed_gap: F32, sight_di
         believed_gap: Believed gap to the oncoming vehicle [m].
         sight_distance: Sight distance along the opposing lane [m].
     """
+    # Without a detected vehicle the believed gap is the range to which drivers look.
     return minimum(believed_gap, vehicle.assumed_sight_factor * sight_distance)
 
 
@@ -217,10 +228,10 @@ def accepts_oncoming_gap(
 
     They compare the time that passing takes, with their error about it and a reserve, with the time
     until they meet the nearest oncoming vehicle. Beyond their sight distance they assume one.
-    To the time of gaining on the leader they add one lane change: half of it before the driver
-    gains, half at the end. A waiting driver asks for less return gap and a smaller reserve. The
-    reserve does not fall below a share of its first value: unlike a follower, an oncoming vehicle
-    cannot be expected to brake.
+    To the time of gaining on the leader they add one lane change: half of it passes before they
+    gain speed, half during the return. A waiting driver asks for less return gap and a smaller
+    reserve. The reserve does not fall below a share of its first value, because drivers expect no
+    oncoming vehicle to brake.
 
     Args:
         params: Parameters of the batch.
@@ -238,7 +249,8 @@ def accepts_oncoming_gap(
     speeds = PassingSpeeds(passer=speed, target=leader_speed, closing=speed - leader_speed)
     time_to_gain_distance = time_to_pass(constants, vehicle, distance, speeds)
     time = vehicle.passing_time_factor * (time_to_gain_distance + vehicle.lane_change_duration)
-    # On average over the pass the driver is faster than now by half of its gain in speed.
+    # The closing speed now is too low: on average over the pass the driver is faster by half of its
+    # gain in speed.
     top_speed = passing_speed(vehicle, constants.passing_speed_surplus, leader_speed)
     closing_speed = opportunity.oncoming_closing_speed + HALF * maximum(top_speed - speed, ZERO)
     reserve = vehicle.time_reserve_share * maximum(patience_left, constants.min_time_reserve_share)
@@ -248,14 +260,15 @@ def accepts_oncoming_gap(
     min_gap = TWO * vehicle.half_length + constants.min_return_gap + return_gap
     time_gap = constants.return_time_gap_share * vehicle.time_gap
     fits_ahead = opportunity.gap_ahead_of_leader > min_gap + time_gap * leader_speed
-    heeds_line = opportunity.line_is_solid & (vehicle.heeds_solid_lines > 0)
-    return has_time & opportunity.is_certain & fits_ahead & ~heeds_line
+    is_kept_by_line = opportunity.line_is_solid & (vehicle.heeds_solid_lines > 0)
+    return has_time & opportunity.is_certain & fits_ahead & ~is_kept_by_line
 
 
 def gap_ahead_of(state: State, params: StepParameters, slot: F32, slots: SlotSelection) -> F32:
     """Gap between the vehicle in a slot and the next one ahead of it, for each driver [m].
 
-    The next vehicle may be in any lane, also in the opposing lane while it passes.
+    The next vehicle may be in any lane, also in the opposing lane while it passes. Without one the
+    gap is `FAR`.
 
     Args:
         state: State at a decision.
@@ -267,6 +280,7 @@ def gap_ahead_of(state: State, params: StepParameters, slot: F32, slots: SlotSel
     centre = value_at_slot(s, slot)
     front = centre + value_at_slot(vehicles.half_length, slot)
     gap = np.full_like(front, FAR)
+    # Slot of each driver; the column broadcasts over the simulations.
     driver_slot = np.arange(len(s), dtype=np.float32)[:, None][slots]
     for candidate in range(len(s)):
         is_same_direction = vehicles.travel_sign[candidate] == vehicles.travel_sign[slots]
@@ -292,11 +306,13 @@ def line_is_solid(
         slots: Slots of the drivers.
         distance: The distance [m].
     """
+    # From each station on, 1 if drivers along or against the road must not cross the line, else 0.
     stations, along, against = params.road.solid_line
+    # The station is that of the road; the sign is 1 for drivers along the road, -1 for the others.
     s, travel_sign = state.road_position(params)[0][slots], params.vehicles.travel_sign[slots]
     is_solid = np.zeros(s.shape, bool)
     for road_s in (s, s + travel_sign * distance):
-        # The first mark begins far before the road, so every place has a mark.
+        # The index of the last station behind the place; the first is far before the road.
         knot = np.searchsorted(stations, road_s, side="right") - 1
         is_solid = is_solid | (np.where(travel_sign < 0, against[knot], along[knot]) > 0)
     return is_solid
