@@ -1,8 +1,14 @@
 //! Beliefs of drivers about their neighbours: detection, gap, closing speed and braking. The twin of
 //! `overtaking.sim.reference.perception`, which names the sources.
 //!
-//! A *role* is one of six places around a driver: the leaders and followers in its own, the left and the right lane. A
-//! vehicle *looms* to a driver while its image visibly grows.
+//! A *role* is one of six places around a driver: the leaders and followers in its own, the left and the right lane.
+//! Left is the overtaking side, and lateral distances are positive to the left. A driver *watches* a role at every
+//! decision, 20 a second, or *glances* at it when it checks its mirrors. A vehicle *looms* to a driver while its image
+//! visibly grows. A reaction delay is a number of decisions.
+//!
+//! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block of sixteen, which are computed
+//! together; such an element is a SIMD lane. `VehicleHandle` is a view of one driver in them. `at_slot!` and
+//! `each_at_slot!` read values of the vehicle whose slot they get, or of slot 0 without a vehicle.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
@@ -73,7 +79,7 @@ impl<S: Simd> Beliefs<S> {
         }
     }
 
-    /// The leader in a role, as the driver believes, without its braking.
+    /// The leader in a role, as the driver believes, but with an acceleration of 0.
     #[inline(always)]
     pub fn steady_leader(&self, role: usize) -> Leader<S> {
         Leader::steady(self.gap[role], self.closing_speed[role])
@@ -128,8 +134,9 @@ pub fn record_history<S: Simd, const N: usize>(
 ) {
     let row = decision_index as usize % HISTORY_LENGTH;
     for slot in 0..params.num_slots_in_use {
+        // Velocity along and across the road.
         let (along, _) = state.vehicle(params, slot).road_velocity();
-        // Pairs of station and speed, first of eight simulations, then of the others.
+        // Pairs of station and speed: `low` has those of the first eight simulations, `high` those of the others.
         let (low, high) = state.motion.s[slot].interleave(along);
         let (low, high) = (low.to_array(), high.to_array());
         let pairs = low.as_chunks::<2>().0.iter().chain(high.as_chunks().0);
@@ -140,7 +147,7 @@ pub fn record_history<S: Simd, const N: usize>(
 }
 
 /// Draw whether the driver in `slot` looks over the shoulder before its next lane change, in the simulations of
-/// `is_drawn`.
+/// `is_drawn`. `checks_blind_spot` of its vehicle is the probability that it looks.
 #[inline(always)]
 pub fn draw_shoulder_check<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -166,7 +173,7 @@ pub fn draw_shoulder_check<S: Simd, const N: usize>(
     *checks_blind_spot = select(is_drawn, checks, *checks_blind_spot);
 }
 
-/// The leader of a driver, which may block the driver's view.
+/// The leader of a driver, which may block the driver's view because it is a tall vehicle.
 struct TallLeader<S: Simd> {
     /// Whether the driver has a leader and cannot see over it.
     blocks_view: Mask<S>,
@@ -207,6 +214,7 @@ fn is_occluded<S: Simd>(
         neighbours.lateral_distance[role] * (distance_to_rear / at_least(distance, MIN_SIGHT_LINE));
     let offset = (crossing - neighbours.lateral_distance[LEADER]).abs();
     let is_behind_body = distance.simd_gt(distance_to_rear) & offset.simd_lt(leader.half_width);
+    // A leader on the line between two lanes has two roles, but does not hide itself.
     let is_other = neighbours.slot[role].simd_ne(neighbours.slot[LEADER]);
     leader.blocks_view & is_behind_body & is_other
 }
@@ -231,10 +239,11 @@ pub fn sight_range_ratio<S: Simd, const N: usize>(
         depth += extinction.spray * at_most(distance, constants.spray_reach);
         sensitivity = simulation.log_contrast_sensitivity_ahead;
     }
-    let log_contrast = at_least(conspicuity.log_contrast + sensitivity, MIN_LOG_CONTRAST);
+    // The optical depth at which the vehicle vanishes: the logarithm of its contrast over the eye's threshold.
+    let depth_of_sight = at_least(conspicuity.log_contrast + sensitivity, MIN_LOG_CONTRAST);
     // At night the contrast counts within the reach of the driver's low beam only.
     let ratio_by_contrast = max(
-        depth / log_contrast,
+        depth / depth_of_sight,
         distance * simulation.inverse_lit_range,
     );
     let ratio_by_lamp = (distance
@@ -245,7 +254,9 @@ pub fn sight_range_ratio<S: Simd, const N: usize>(
     min(ratio_by_contrast, ratio_by_lamp)
 }
 
-/// Time in view until a driver detects a vehicle; it grows with the sight range ratio [s].
+/// Time in view until a driver detects a vehicle [s].
+///
+/// It grows with the sight range ratio, to 2.5 times as long at the limit of sight. The third power is a choice.
 #[inline(always)]
 pub fn detection_time<S: Simd, const N: usize>(params: &Params<S, N>, ratio: F32<S>) -> F32<S> {
     params.simulations.detection_time
@@ -254,7 +265,6 @@ pub fn detection_time<S: Simd, const N: usize>(params: &Params<S, N>, ratio: F32
 
 /// One driver's look at its neighbour in one role.
 struct Gaze<'a, S: Simd> {
-    /// The role.
     role: usize,
     neighbours: &'a Neighbours<S>,
     /// The leader, if it may hide the neighbour; `None` if the role is the leader's.
@@ -345,8 +355,9 @@ fn is_visible<S: Simd, const N: usize>(
     {
         is_visible &= !is_occluded(neighbours, leader, role);
     }
-    // The blind spot reaches from the rear bumper backwards; a leader is in it only alongside. The driver sees a
-    // body that is very near sideways from the corner of the eye.
+    // The blind spot reaches from the driver's rear bumper backwards; a leader is in it only alongside, where the gap
+    // is negative. A look over the shoulder shows what is in it, and from the corner of the eye the driver sees a
+    // vehicle at a lateral gap up to `alongside`.
     let is_beside = gap.simd_lt(if is_ahead { 0.0 } else { constants.blind_spot })
         & driver.state.lane_choice.checks_blind_spot[driver.slot].simd_eq(0.0);
     if is_beside.any_true() {
@@ -378,6 +389,8 @@ fn recall_motion<S: Simd, const N: usize>(
     decision_index: F32<S>,
     slot: F32<S>,
 ) -> (F32<S>, F32<S>) {
+    // The history of each slot in each SIMD lane is a ring of `HISTORY_LENGTH` rows, `HISTORY_STRIDE` apart from the
+    // next one.
     let periods = floor(decision_index * (1.0 / HISTORY_LENGTH as f32));
     let row = decision_index - HISTORY_LENGTH as f32 * periods;
     // `NO_SLOT` reads the history of slot 0; callers ignore the result.
@@ -440,6 +453,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         if decision_index >= interval && staggered_index.is_multiple_of(interval) {
             return vehicle.valid.simd_eq(vehicle.valid); // True in every SIMD lane.
         }
+        // Drivers that overtake by gap acceptance count another time than those that change lanes by MOBIL.
         let has_indicated = if params.road.can_overtake(slot) {
             state.overtake.time_indicating[slot].simd_gt(vehicle.indicator_lead_time)
         } else {
@@ -501,11 +515,13 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         // Rate of change of the visual angle w / s of a width w at a distance s.
         let expansion_rate = width * closing_speed.abs() / (distance * distance);
         let excess = expansion_rate - constants.looming_threshold;
-        // From the threshold to this much above it, drivers notice a growing share of the approach.
+        // From the threshold to this much above it, drivers notice a growing share of the approach. If they noticed all
+        // at once, they would brake hard at the threshold, release below it, and brake again.
         let span = (constants.looming_growth * constants.looming_threshold).max(MIN_LOOMING);
         // Nearer than this, errors fade: there the time to contact is below `error_fade_time`.
         let fading_distance = at_least(closing_speed * constants.error_fade_time, NEAREST_GAP);
         let error_share = at_most(distance / fading_distance, 1.0);
+        // The coefficient of variation times a random process of unit variance.
         let speed_error = simulation.speed_error * self.state.noise.speed_error[self.slot];
         Looming {
             exceeds_threshold: excess.simd_gt(0.0),
@@ -557,9 +573,10 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     // watch.
     let is_imminent = neighbours.gap[LEADER]
         .simd_lt(constants.urgent_time * (state.motion.vx[slot] - leader_speed));
-    let (own_speed, _) = driver.road_velocity();
+    let (own_speed, _) = driver.road_velocity(); // Along and across the road.
     let distance_factor = exp(simulation.distance_error * state.noise.distance_error[slot]);
     *beliefs = Beliefs::without_neighbours(params.simd);
+    // Only leaders in other lanes can be hidden, and both are needed at the same decisions.
     let tall_leader = is_needed(LEFT_LEADER).then(|| TallLeader::new(params, neighbours));
     let known_slots = state.attention.slot_in_view[slot];
     let known_times = state.attention.time_in_view[slot];
@@ -599,7 +616,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             _ => !always,
         };
         let looks_at_role = checks_mirrors | watches_role;
-        // Without a neighbour in any simulation the rest would change nothing but the attention.
+        // Without a neighbour in any simulation of the block, only the attention changes.
         if neighbour_slot.simd_lt(0.0).all_true() {
             let attention = &mut state.attention;
             assign_where(
@@ -648,6 +665,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             )
         };
         let half_lengths = neighbours.half_length[role] + vehicle.half_length;
+        // On a ring road `nearest_image` takes the shorter way round.
         let gap = nearest_image(params, distance) - half_lengths;
         let looming_width = at_slot!(params, neighbour_slot, |j| params.vehicles[j].looming_width);
         let looming = state
@@ -684,6 +702,7 @@ fn believed_braking<S: Simd, const N: usize>(
         (recalled.speed - earlier_speed) / (constants.brake_memory * constants.decision),
         0.0,
     );
+    // The history holds motion only, so lamps count as lit beyond the deceleration that lights them.
     let sees_lamps_only = accel.simd_lt(-constants.stop_lamp_decel) & !looming.exceeds_threshold;
     select(
         sees_lamps_only,

@@ -195,7 +195,7 @@ def _sighting(
         value_at_slot(vehicles.log_contrast, slot), value_at_slot(vehicles.inverse_head_lamp, slot)
     )
     extinction = extinction_ahead(state, params, neighbours)
-    ratio = sight_range_ratio(params, gap, conspicuity, extinction, is_front=True)
+    ratio = sight_range_ratio(params, gap, conspicuity, extinction, is_ahead=True)
     max_range = minimum(params.constants.oncoming_range, sight_distance)
     return Sighting(
         slot=slot,

@@ -1,7 +1,10 @@
 """Beliefs of drivers about their neighbours: detection, gap, closing speed and braking.
 
 A *role* is one of six places around a driver: the leaders and followers in its own, the left and
-the right lane. A vehicle *looms* to a driver while its image visibly grows.
+the right lane. Left is the overtaking side, and lateral distances are positive to the left. A
+driver *watches* a role at every decision, 20 a second, or *glances* at it when it checks its
+mirrors. A vehicle *looms* to a driver while its image visibly grows. A reaction delay is a number
+of decisions.
 """
 
 from dataclasses import dataclass
@@ -49,7 +52,7 @@ class Conspicuity(NamedTuple):
     """How well a vehicle can be seen, (vehicle, simulation)."""
 
     log_contrast: F32  # Logarithm of its contrast.
-    inverse_lamp_intensity: F32  # One over the luminous intensity of its lamps [1/cd].
+    inverse_lamp_intensity: F32  # One over the luminous intensity towards the driver [1/cd].
 
 
 class Looming(NamedTuple):
@@ -118,12 +121,14 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
     may_cancel = state.path.elapsed < constants.abort_until * state.path.duration
     is_due = is_due | (may_cancel & (decision_index % int(constants.glance_moving) == 0))
     has_indicated = choice.time_wanted >= vehicles.indicator_lead_time
-    # The drivers in these slots overtake by gap acceptance; the others change lanes by MOBIL.
+    # The drivers in these slots overtake by gap acceptance, which counts another time; the others
+    # change lanes by MOBIL.
     overtaking_slots = slice(None) if params.road.has_oncoming_traffic else EGO_SLOT
     time_indicating = state.overtake.time_indicating[overtaking_slots]
     lead_time = vehicles.indicator_lead_time[overtaking_slots]
     has_indicated[overtaking_slots] = time_indicating > lead_time
     checks_mirrors = is_due | ((choice.wanted_side != 0) & has_indicated)
+    # On a two-way road, a lane from 1 on is the opposing lane.
     return checks_mirrors | ((choice.lane >= ONE) & params.road.has_oncoming_traffic)
 
 
@@ -131,6 +136,8 @@ def draw_shoulder_check(
     state: State, params: StepParameters, is_drawn: Mask, decision_index: int
 ) -> None:
     """Draw whether drivers look over the shoulder before their next lane change.
+
+    `vehicles.checks_blind_spot` is the probability that they look.
 
     Args:
         state: The function updates `lane_choice.checks_blind_spot`.
@@ -157,6 +164,7 @@ def extinction_ahead(state: State, params: StepParameters, neighbours: Neighbour
     path_factor = value_of_lane(
         params.road.film_path, state.lane_choice.lane, params.road.num_lanes
     )
+    # Depth of the water on the driver's lane.
     film = road_surface.lane_film(
         simulations.min_wet_film,
         simulations.film_rain_factor,
@@ -178,11 +186,14 @@ def is_occluded(params: StepParameters, neighbours: Neighbours, role: int) -> Ma
     vehicles, lateral_distance = params.vehicles, neighbours.lateral_distance
     leader, slot = neighbours.slot[LEADER], neighbours.slot[role]
     distance = neighbours.distance[role]
-    rear = maximum(neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE)
+    distance_to_rear = maximum(
+        neighbours.distance[LEADER] - neighbours.half_length[LEADER], MIN_SIGHT_LINE
+    )
     # Lateral position, seen from the driver, at which the line of sight passes the leader's rear.
-    crossing = lateral_distance[role] * (rear / maximum(distance, MIN_SIGHT_LINE))
+    crossing = lateral_distance[role] * (distance_to_rear / maximum(distance, MIN_SIGHT_LINE))
     offset = np.abs(crossing - lateral_distance[LEADER])
-    is_beyond_leader = (distance > rear) & (slot != leader)
+    # A leader on the line between two lanes has two roles, but does not hide itself.
+    is_beyond_leader = (distance > distance_to_rear) & (slot != leader)
     is_blocked = is_beyond_leader & (offset < value_at_slot(vehicles.half_width, leader))
     return (leader >= 0) & (value_at_slot(vehicles.blocks_view, leader) > 0) & is_blocked
 
@@ -193,7 +204,7 @@ def sight_range_ratio(
     conspicuity: Conspicuity,
     extinction: Extinction,
     *,
-    is_front: bool,
+    is_ahead: bool,
 ) -> F32:
     """Distance of a vehicle over the range at which it can be seen; up to 1 it can be seen [1].
 
@@ -206,15 +217,17 @@ def sight_range_ratio(
         gap: Gap to the vehicle [m].
         conspicuity: Contrast and lamps of the vehicle.
         extinction: Extinction between driver and vehicle.
-        is_front: Whether the vehicle is ahead of the driver, not in its mirrors.
+        is_ahead: Whether the vehicle is ahead of the driver, not in its mirrors.
     """
     simulations, constants = params.simulations, params.constants
     distance = clamp(gap, _NEAREST_GAP, _FARTHEST_GAP)
     depth = extinction.air * distance
     sensitivity = simulations.log_contrast_sensitivity_behind
-    if is_front:
+    if is_ahead:
         depth = depth + extinction.spray * minimum(distance, constants.spray_reach)
         sensitivity = simulations.log_contrast_sensitivity_ahead
+    # The divisor is the optical depth at which the vehicle vanishes: the logarithm of its contrast
+    # over the eye's threshold.
     by_contrast = depth / maximum(conspicuity.log_contrast + sensitivity, _MIN_LOG_CONTRAST)
     # At night the contrast counts within the reach of the driver's low beam only.
     by_contrast = maximum(by_contrast, distance * simulations.inverse_lit_range)
@@ -225,7 +238,11 @@ def sight_range_ratio(
 
 
 def detection_time(params: StepParameters, ratio: F32) -> F32:
-    """Time in view until a driver detects a vehicle; it grows with the sight range ratio [s]."""
+    """Time in view until a driver detects a vehicle [s].
+
+    It grows with the sight range ratio, to 2.5 times as long at the limit of sight. The third power
+    is a choice.
+    """
     growth = params.constants.detection_growth * (ratio * ratio * ratio)
     return params.simulations.detection_time * (ONE + growth)
 
@@ -273,14 +290,14 @@ def _sight_range_ratio_of(
     The driver sees the rear lamps of vehicles ahead and the headlamps of vehicles behind.
     """
     vehicles, slot = params.vehicles, neighbours.slot[role]
-    is_front = is_leader_role(role)
-    if is_front:
+    is_ahead = is_leader_role(role)
+    if is_ahead:
         lamp = _inverse_rear_lamp(state, params, slot)
     else:
         lamp = value_at_slot(vehicles.inverse_head_lamp, slot)
     conspicuity = Conspicuity(value_at_slot(vehicles.log_contrast, slot), lamp)
     gap = neighbours.gap[role]
-    return sight_range_ratio(params, gap, conspicuity, extinction, is_front=is_front)
+    return sight_range_ratio(params, gap, conspicuity, extinction, is_ahead=is_ahead)
 
 
 def _inverse_rear_lamp(state: State, params: StepParameters, slot: F32) -> F32:
@@ -297,17 +314,19 @@ def _is_visible(
     """Whether the neighbour in `role` can be seen: in range, not occluded, not in a blind spot."""
     constants, vehicles = params.constants, params.vehicles
     slot, gap = neighbours.slot[role], neighbours.gap[role]
-    is_front = is_leader_role(role)
-    max_range = vehicles.attention_range if is_front else constants.mirror_range
+    is_ahead = is_leader_role(role)
+    max_range = vehicles.attention_range if is_ahead else constants.mirror_range
     is_visible = (slot >= 0) & (ratio <= ONE) & (gap < max_range)
-    if is_front:
+    if is_ahead:
         is_visible = is_visible & ~is_occluded(params, neighbours, role)
-    # The blind spot reaches from the rear bumper backwards; a leader is in it only alongside.
-    # The driver sees a body that is very near sideways from the corner of the eye.
+    # The blind spot reaches from the driver's rear bumper backwards; a leader is in it only
+    # alongside, where the gap is negative. From the corner of the eye the driver sees a vehicle at
+    # a lateral gap up to `alongside`.
     half_widths = vehicles.half_width + value_at_slot(vehicles.half_width, slot)
     lateral_gap = np.abs(neighbours.lateral_distance[role]) - half_widths
-    is_beside = gap < (ZERO if is_front else constants.blind_spot)
+    is_beside = gap < (ZERO if is_ahead else constants.blind_spot)
     is_in_blind_spot = is_beside & (lateral_gap > constants.alongside)
+    # A look over the shoulder shows what is in the blind spot.
     return is_visible & ~(is_in_blind_spot & (state.lane_choice.checks_blind_spot == 0))
 
 
@@ -361,11 +380,14 @@ def sense_looming(
     # Rate of change of the visual angle w / s of a width w at a distance s.
     expansion_rate = width * np.abs(closing_speed) / (distance * distance)
     excess = expansion_rate - constants.looming_threshold
-    # From the threshold to this much above it, drivers notice a growing share of the approach.
+    # From the threshold to this much above it, drivers notice a growing share of the approach. If
+    # they noticed all at once, they would brake hard at the threshold, release below it, and brake
+    # again.
     span = maximum(constants.looming_growth * constants.looming_threshold, _MIN_LOOMING)
     # Nearer than this, errors fade: there the time to contact is below `error_fade_time`.
     fading_distance = maximum(closing_speed * constants.error_fade_time, _NEAREST_GAP)
     error_share = minimum(distance / fading_distance, ONE)
+    # The coefficient of variation times a random process of unit variance.
     error = error_share * (simulations.speed_error * state.noise.speed_error)
     return Looming(
         exceeds_threshold=excess > 0,
@@ -394,7 +416,7 @@ def form_beliefs(
     """
     vehicles, constants = params.vehicles, params.constants
     extinction = extinction_ahead(state, params, neighbours)
-    own_speed, _ = state.road_velocity()
+    own_speed, _ = state.road_velocity()  # Along the road.
     distance_factor = exp(params.simulations.distance_error * state.noise.distance_error)
     # Copies, because `detect` updates the attention in each role.
     known_slots = state.attention.slot_in_view.copy()
@@ -402,8 +424,8 @@ def form_beliefs(
     is_changing_lanes = state.path.elapsed < state.path.duration
     detected, gaps, closing_speeds, accels = [], [], [], []
     for role in range(6):
-        slot, is_front = neighbours.slot[role], is_leader_role(role)
-        watches_role = (role == LEADER) | (is_changing_lanes & is_front)
+        slot, is_ahead = neighbours.slot[role], is_leader_role(role)
+        watches_role = (role == LEADER) | (is_changing_lanes & is_ahead)
         gaze = Gaze(
             extinction=extinction,
             watches_role=watches_role,
@@ -415,10 +437,11 @@ def form_beliefs(
         is_imminent = _is_imminent(state, params, neighbours, role)
         delay = np.where(is_imminent, vehicles.urgent_reaction_delay, vehicles.reaction_delay)
         recalled = extrapolate_motion(state, params, slot, delay, decision_index)
-        distance = recalled.s - state.motion.s if is_front else state.motion.s - recalled.s
+        distance = recalled.s - state.motion.s if is_ahead else state.motion.s - recalled.s
         half_lengths = neighbours.half_length[role] + vehicles.half_length
+        # On a ring road `nearest_image` takes the shorter way round.
         gap = nearest_image(params, distance) - half_lengths
-        closing_speed = own_speed - recalled.speed if is_front else recalled.speed - own_speed
+        closing_speed = own_speed - recalled.speed if is_ahead else recalled.speed - own_speed
         width = value_at_slot(vehicles.looming_width, slot)
         looming = sense_looming(state, params, gap, closing_speed, width)
         believed_gap = gap + gap * ((distance_factor - ONE) * looming.error_share)
@@ -427,7 +450,7 @@ def form_beliefs(
         detected.append(is_detected)
         gaps.append(np.where(is_detected, believed_gap, constants.unseen_gap))
         closing_speeds.append(np.where(is_detected, believed_closing_speed, ZERO))
-        accels.append(np.where(is_detected & is_front, accel, ZERO))
+        accels.append(np.where(is_detected & is_ahead, accel, ZERO))
     return Beliefs(
         is_detected=np.stack(detected),
         gap=np.stack(gaps),
@@ -437,7 +460,7 @@ def form_beliefs(
 
 
 def _is_imminent(state: State, params: StepParameters, neighbours: Neighbours, role: int) -> Mask:
-    """Whether contact with the leader is near; false for roles that drivers do not always watch.
+    """Whether contact is near and `role` is the leader's, the one role that drivers always watch.
 
     Source:
         Markkula et al. 2016: drivers brake sooner, the more urgent the looming.
@@ -461,5 +484,6 @@ def _believed_braking(
     _, earlier_speed = recall_motion(state, earlier, slot)
     accel = (speed - earlier_speed) / (constants.brake_memory * constants.decision)
     accel = minimum(accel, ZERO)
+    # The history holds motion only, so lamps count as lit beyond the deceleration that lights them.
     sees_lamps_only = (accel < -constants.stop_lamp_decel) & ~looming.exceeds_threshold
     return np.where(sees_lamps_only, minimum(accel, -constants.lamp_decel), accel)
