@@ -1,9 +1,14 @@
 //! Recorded integers of a block, rounded from its states, and the hash over them; the twin of
 //! `overtaking.sim.reference.recorder`.
 //!
-//! A *percept* records the ego's beliefs about three vehicles at a manoeuvre, beside the true values: the leader, and
-//! the leader and the follower in the lane that the ego enters. `lane` is the index of a simulation in its block, a
-//! SIMD lane, except in `state_words`.
+//! The ego is the vehicle under study. A *percept* records its beliefs about three vehicles at a manoeuvre, beside the
+//! true values: the leader, and the leader and the follower in the lane that the ego enters. A *frame* is a recorded
+//! instant, a *word* a recorded integer that is hashed, a *tile* sixteen frames that are written to the outputs
+//! together. A vehicle's *slot* is its number in the simulation; some slots of a simulation may be empty. The slot 255
+//! stands for no vehicle. In the state, left is the overtaking side.
+//!
+//! A block consists of up to sixteen simulations that are computed together. Values of type `F32<S>` and `Mask<S>` have
+//! one element for each; `lane` is the index of a simulation in them, a SIMD lane, except in `state_words`.
 
 pub(crate) mod frame_tiles;
 pub(crate) mod output;
@@ -45,7 +50,7 @@ struct RecordedManoeuvre<'a, S: Simd> {
     is_made: Mask<S>,
     /// Kind of the manoeuvre.
     kind: ManoeuvreKind,
-    /// Roles of the leader, and of the leader and the follower in the lane that is entered.
+    /// Roles of the leader, and of the leader and the follower in the lane that the ego enters.
     roles: [usize; 3],
     /// Oncoming vehicle, which is recorded in place of the leader in the left lane; `None` to record that leader.
     oncoming: Option<&'a OncomingVehicle<S>>,
@@ -65,7 +70,7 @@ pub struct Recorder<'a, const N: usize> {
     tile_start: usize,
 }
 
-/// Hash and counters of a recorder, as in `Recorder`. The caller keeps them while no recorder borrows the outputs.
+/// Hash and counters of a recorder, as in `Recorder`. They outlive the recorder, which borrows the outputs.
 #[derive(Clone, Copy)]
 pub struct RecorderProgress {
     hash: [[u32; SIMD_LANES]; 4],
@@ -132,7 +137,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             u32x16::simd_from(simd, h2),
             u32x16::simd_from(simd, h3),
         ];
-        let row = frame - self.tile_start;
+        let row = frame - self.tile_start; // Of the tile, 0 to 15.
         for slot in 0..params.num_slots_in_use {
             let valid = params.vehicles[slot].valid.simd_gt(0.0);
             let words = state.vehicle(params, slot).state_words();
@@ -141,11 +146,13 @@ impl<'a, const N: usize> Recorder<'a, N> {
             for (k, word) in words.into_iter().enumerate() {
                 hash[k % 4] = mix(hash[k % 4], word, is_running & valid);
             }
+            // Narrow integers of a vehicle share a word of the tile.
             for (k, word) in pack_words(simd, &words).into_iter().enumerate() {
                 tile.0[(slot * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE + row] =
                     Row(word.to_array());
             }
-            // One lane in each frame: after the sixteen frames of a tile, the memory of all lanes is in the cache.
+            // In frame k of the tile the output of lane k, so that after sixteen frames the memory of all lanes is in
+            // the cache.
             if valid.test(row) {
                 self.prefetch_rows(slot, row);
             }
@@ -238,7 +245,8 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 left,
                 oncoming,
             ),
-            // A cancelled lane change leads back to the lane that the ego has left.
+            // A cancelled lane change leads back to the lane that the ego has left. On two-way roads no driver cancels
+            // a return.
             (intent.cancels_pull_out, ManoeuvreKind::Cancel, right, None),
             (intent.cancels_return, ManoeuvreKind::Cancel, left, None),
             (intent.starts_return, ManoeuvreKind::Return, right, None),
@@ -271,12 +279,12 @@ impl<'a, const N: usize> Recorder<'a, N> {
             step,
         } = *manoeuvre;
         let now = splat(params.simd, step as f32);
-        let has_free_column = state.num_percepts.simd_lt(MAX_PERCEPTS as f32);
-        let is_recorded = is_made & has_free_column & now.simd_le(state.end_step);
+        let has_space = state.num_percepts.simd_lt(MAX_PERCEPTS as f32);
+        let is_recorded = is_made & has_space & now.simd_le(state.end_step);
         if !is_recorded.any_true() {
             return;
         }
-        for (column, role) in roles.into_iter().enumerate() {
+        for (position, role) in roles.into_iter().enumerate() {
             let percept = match oncoming.filter(|_| role == LEFT_LEADER) {
                 Some(oncoming) => oncoming_percept(state, params, oncoming),
                 None => neighbour_percept(state, params, context, role),
@@ -291,7 +299,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 let Some(out) = out.as_mut().filter(|_| is_recorded.test(lane)) else {
                     continue;
                 };
-                let index = state.num_percepts[lane] as usize * 3 + column;
+                let index = state.num_percepts[lane] as usize * 3 + position;
                 let slot = percept.slot[lane];
                 let exists = slot >= 0.0;
                 out.percept_slot[index] = if exists { slot as u8 } else { 255 };
@@ -356,7 +364,7 @@ fn neighbour_percept<S: Simd, const N: usize>(
 ) -> Percept<S> {
     let (neighbours, beliefs) = (&context.neighbours, &context.beliefs);
     let slot = neighbours.slot[role];
-    let ego_speed = state.vehicle(params, EGO_SLOT).road_velocity().0;
+    let (ego_speed, _) = state.vehicle(params, EGO_SLOT).road_velocity(); // Along and across the road.
     let speed = state.road_speed_at(params, slot);
     Percept {
         slot,
@@ -379,13 +387,14 @@ fn oncoming_percept<S: Simd, const N: usize>(
     params: &Params<S, N>,
     oncoming: &OncomingVehicle<S>,
 ) -> Percept<S> {
-    let ego_speed = state.vehicle(params, EGO_SLOT).road_velocity().0;
+    let (ego_speed, _) = state.vehicle(params, EGO_SLOT).road_velocity(); // Along and across the road.
     Percept {
         slot: oncoming.slot,
         is_detected: oncoming.is_detected,
         gap: oncoming.believed_gap,
         closing_speed: oncoming.closing_speed,
         true_gap: oncoming.gap,
+        // Each speed counts along the vehicle's own direction of travel.
         true_closing_speed: ego_speed + state.road_speed_at(params, oncoming.slot),
     }
 }
@@ -498,6 +507,7 @@ fn mix_percepts(hash: &mut [u32; 4], out: &Output<'_>) {
             ]);
         }
         for (k, word) in words.into_iter().enumerate() {
+            // Each word goes to the next of four accumulators.
             hash[k % 4] = mix_word(hash[k % 4], word);
         }
     }
@@ -532,10 +542,12 @@ fn wrap_angle<S: Simd>(angle: F32<S>) -> F32<S> {
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// The recorded integers of the vehicle, in the order of `with_states`.
+    /// The recorded integers of the vehicle: x, y, s, d, speed, heading, wheel angle, longitudinal and lateral
+    /// acceleration, yaw rate, lane, lights.
     ///
-    /// Inside the step left is the overtaking side. `overtaking_sign` converts lateral values to the real left, which
-    /// differs in left-hand traffic.
+    /// The macro `with_states` lists the fields in the same order. `overtaking_sign` converts lateral values from the
+    /// overtaking side to the real left, which differs in left-hand traffic. On a curved road Python replaces x, y and
+    /// heading.
     #[inline(always)]
     pub fn state_words(self) -> [i32x16<S>; NUM_STATE_WORDS] {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -549,8 +561,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         } = road.pose;
         let (s, mirrored_d) = self.road_position();
         let d = road.overtaking_sign * mirrored_d;
-        // Lanes are counted from the kerb side. Beyond the own lanes, in the opposing lane or beside the road, the
-        // index is the number of own lanes.
+        // Lanes are counted from the kerb side. On the left of all lanes of the road's direction, in the opposing lane
+        // or beside the road, the index is the number of these lanes.
         let mut lane = i32x16::splat(params.simd, NO_VEHICLE);
         for index in 0..=road.directions.num_own_lanes {
             let is_beyond_line = mirrored_d.simd_ge(road.boundaries[index]);
@@ -616,20 +628,23 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             i32x16::splat(params.simd, lights::INDICATOR_RIGHT),
             i32x16::splat(params.simd, 0),
         );
-        let is_braking = state.controls.requested_accel[slot]
+        // A wreck requests no braking, but slides with locked wheels; that it shows stop lamps is a choice.
+        let shows_stop_lamps = state.controls.requested_accel[slot]
             .simd_lt(-params.constants.stop_lamp_decel)
             | state.motion.is_wreck[slot].simd_gt(0.0);
+        // Low beam and fog lamps, which stay as they are.
         let initial_lights: i32x16<S> = self.vehicle().initial_lights.to_int();
         let lamps = initial_lights
             + left
             + right
-            + is_braking.select(
+            + shows_stop_lamps.select(
                 i32x16::splat(params.simd, lights::BRAKE),
                 i32x16::splat(params.simd, 0),
             );
         if !params.road.directions.has_oncoming_traffic {
             return lamps;
         }
+        // Drivers flash the high beam only at oncoming vehicles.
         let flashes = state.controls.flashes_high_beam[slot].simd_gt(0.0);
         lamps
             + flashes.select(

@@ -3,7 +3,8 @@
 //! The engine computes one frame (recorded instant) of sixteen simulations at a time, but in the output the frames of
 //! one vehicle are adjacent. So the recorder collects sixteen frames in a *tile*, transposes it in squares of sixteen
 //! times sixteen words, and writes it at once. Narrow state fields of a vehicle share a word of 32 bits in the tile.
-//! The macro `with_states` lists the fields and their integer types.
+//! The macro `with_states` lists the fields and their integer types. A *slot* is the number of a vehicle in its
+//! simulation; a *place* is an index into an output array of one simulation.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};
@@ -26,7 +27,8 @@ pub struct BitField {
 }
 
 impl BitField {
-    /// Insert `number` into `words`, one word per simulation. The lowest field of a word must be inserted first.
+    /// Insert `number` into `words`, one word per simulation. The lowest field of a word must be inserted first,
+    /// because it replaces the whole word.
     #[inline(always)]
     fn insert<S: Simd>(self, words: i32x16<S>, number: i32x16<S>) -> i32x16<S> {
         if self.bits == u32::BITS {
@@ -87,7 +89,7 @@ macro_rules! frame_layout {
         pub fn put_tile(out: &mut Output<'_>, slot: usize, k: usize, start: usize, row: &[i32; SIMD_LANES]) {
             // Outputs have shape (vehicle, frame).
             let place = slot * out.frames + start;
-            // The first packed word of a vehicle updates the count for all of them.
+            // `written` counts the frames that may have been written; the first packed word updates it for all words.
             if k == 0 {
                 out.written[slot] = out.written[slot].max((start + FRAMES_PER_TILE) as i32);
             }
@@ -166,7 +168,7 @@ pub fn transpose<S: Simd>(simd: S, rows: &[Row]) -> [Row; SIMD_LANES] {
     square.map(|vector| Row(vector.to_array()))
 }
 
-/// Copy sixteen numbers into `out` from `place` on, if there is space.
+/// Copy sixteen numbers into `out` from `place` on, if sixteen fit.
 #[inline(always)]
 fn write_sixteen<T: Copy>(out: &mut [T], place: usize, row: [T; SIMD_LANES]) {
     if let Some(destination) = out[place..].first_chunk_mut::<SIMD_LANES>() {

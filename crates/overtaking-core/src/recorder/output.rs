@@ -5,13 +5,14 @@
 //! records the ego's beliefs about three vehicles at a manoeuvre: the leader, and the leader and the follower in the
 //! lane that the ego enters. The slot 255 stands for no vehicle.
 
-/// Largest number of percepts that are recorded in a simulation; later ones are dropped.
+/// Largest number of percepts that are recorded in a simulation, chosen; later ones are dropped.
 pub const MAX_PERCEPTS: usize = 4;
 
 /// Call a macro with a list of all outputs.
 ///
 /// The list has the arguments of the caller, then each output below with its name, element type and length per
-/// simulation (a function of the numbers of slots `v` and frames `t`), then the state fields of shape (vehicle, frame).
+/// simulation (a function of the numbers of slots `v` and frames `t`), then the state fields of shape (vehicle, frame),
+/// which `with_states` lists.
 #[macro_export]
 macro_rules! with_outputs {
     ($callback:ident! { $($arguments:tt)* }) => {
@@ -37,9 +38,9 @@ macro_rules! with_outputs {
                 contact_speed: i32, |v, _| v;
                 /// 1 if the percept was recorded, else 0.
                 percept_valid: u8, |_, _| $crate::MAX_PERCEPTS;
-                /// Kind of decision, a `ManoeuvreKind`: 0 pull out, 1 return, 2 cancel.
+                /// Kind of manoeuvre, a `ManoeuvreKind`: 0 pull out, 1 return, 2 cancel.
                 percept_kind: u8, |_, _| $crate::MAX_PERCEPTS;
-                /// Instant of the decision [ms].
+                /// Instant of the manoeuvre [ms].
                 percept_time: i32, |_, _| $crate::MAX_PERCEPTS;
                 /// Slots of the three vehicles; 255 for no vehicle.
                 percept_slot: u8, |_, _| $crate::MAX_PERCEPTS * 3;
@@ -66,7 +67,7 @@ macro_rules! output_fields {
         { {} { $($(#[$doc:meta])* $field:ident: $kind:ty, $size:expr;)* } }
         $($(#[$meaning:meta])* $state:ident: $number:ty,)*
     ) => {
-        /// The output arrays of a batch, or of one simulation; the first axis of each array is the simulation.
+        /// The output arrays of a batch of simulations, or of one; the first axis of each array is the simulation.
         pub struct Output<'a> {
             $($(#[$doc])* pub $field: &'a mut [$kind],)*
             $($(#[$meaning])* pub $state: &'a mut [$number],)*

@@ -1,7 +1,10 @@
 """Recorded integers of a batch, rounded from its states, and the hash over them.
 
-A *percept* records the ego's beliefs about three vehicles at a manoeuvre, beside the true values:
-the leader, and the leader and the follower in the lane that the ego enters.
+The ego is the vehicle under study. A *percept* records its beliefs about three vehicles at a
+manoeuvre, beside the true values: the leader, and the leader and the follower in the lane that the
+ego enters. A *frame* is a recorded instant, a *word* a recorded integer that is hashed. A vehicle's
+*slot* is its number in the simulation; some slots of a simulation may be empty. In the state, left
+is the overtaking side.
 """
 
 from dataclasses import dataclass
@@ -49,7 +52,7 @@ from overtaking.world.constants import STEP_MS
 from overtaking.world.step_parameters import StepParameters
 
 MAX_PERCEPTS = 4
-"""Largest number of percepts that are recorded in a simulation; later ones are dropped."""
+"""Largest number of percepts that are recorded in a simulation, chosen; later ones are dropped."""
 
 _INT16_LIMIT = np.float32(32767.0)
 _INT32_LIMIT = np.float32(2.0e9)  # Below 2^31, so no float32 number rounds up to it.
@@ -113,6 +116,7 @@ def _oncoming_percept_fields(state: State, oncoming: OncomingVehicle) -> dict[st
         slot,
         oncoming.is_detected[EGO_SLOT],
         believed=_Approach(oncoming.believed_gap[EGO_SLOT], oncoming.closing_speed[EGO_SLOT]),
+        # Each speed counts along the vehicle's own direction of travel.
         true=_Approach(oncoming.gap[EGO_SLOT], speeds[EGO_SLOT] + value_at_slot(speeds, slot)),
     )
 
@@ -163,7 +167,8 @@ class RecordedManoeuvre:
     Attributes:
         is_made: Whether the ego makes the manoeuvre at this decision, (simulation,).
         kind: Kind of the manoeuvre.
-        roles: Roles of the three vehicles, in the order of `PerceivedVehicle`.
+        roles: Roles of the three vehicles, in the order of `PerceivedVehicle`: leader, new leader,
+            new follower.
         step: Index of this step of 10 ms.
     """
 
@@ -223,15 +228,15 @@ class Recorder:
     def _state_words(self, state: State, params: StepParameters) -> dict[str, NDArray[np.int32]]:
         """Recorded integers of each vehicle by field of `States`, (vehicle, simulation).
 
-        Inside the step left is the overtaking side. `overtaking_sign` converts lateral values to
-        the real left, which differs in left-hand traffic.
+        `overtaking_sign` converts lateral values from the overtaking side to the real left, which
+        differs in left-hand traffic. On a curved road `finish` replaces `x`, `y` and `heading`.
         """
         vehicles, motion = params.vehicles, state.motion
         road, overtaking_sign = self.params.road, self.params.road.overtaking_sign
         s, mirrored_d = state.road_position(params)
         d = overtaking_sign * mirrored_d
-        # Lanes are counted from the kerb side. Beyond the own lanes, in the opposing lane or beside
-        # the road, the index is the number of own lanes.
+        # Lanes are counted from the kerb side. On the left of all lanes of the road's direction, in
+        # the opposing lane or beside the road, the index is the number of these lanes.
         lane = np.full(d.shape, np.int32(BEYOND_KERB_EDGE))
         for k in range(road.num_own_lanes + 1):
             lane = np.where(mirrored_d >= road.boundaries[k], np.int32(k), lane)
@@ -241,14 +246,14 @@ class Recorder:
         heading = wrap_angle(road.heading + overtaking_sign * motion.heading + turn)
         # A two-wheeler leans; its state holds a lateral acceleration instead of an angle.
         wheel_angle = np.where(vehicles.two_wheeler > 0, ZERO, state.controls.wheel_angle)
-        in_mm = {
+        positions_and_speed = {
             "x": road.x0 + s * road.cosine - d * road.sine,
             "y": road.y0 + s * road.sine + d * road.cosine,
             "s": s,
             "d": d,
             "speed": speed,
         }
-        per_radian = {
+        angles = {
             "heading": heading,
             "wheel_angle": overtaking_sign * wheel_angle,
         }
@@ -258,8 +263,8 @@ class Recorder:
         }
         # The order of the fields is the order of the hash.
         return {
-            **_integers(in_mm, _INTEGERS_PER_UNIT, _INT32_LIMIT),
-            **_integers(per_radian, _INTEGERS_PER_RADIAN, _INT16_LIMIT),
+            **_integers(positions_and_speed, _INTEGERS_PER_UNIT, _INT32_LIMIT),
+            **_integers(angles, _INTEGERS_PER_RADIAN, _INT16_LIMIT),
             **_integers(accels, _INTEGERS_PER_UNIT, _INT16_LIMIT),
             **_integers(
                 {"yaw_rate": overtaking_sign * motion.yaw_rate}, _INTEGERS_PER_RADIAN, _INT16_LIMIT
@@ -272,10 +277,13 @@ class Recorder:
         """Sum of the bits of `Lights` that are on, (vehicle, simulation)."""
         left = self.params.road.overtaking_sign * state.controls.indicator
         is_braking = state.controls.requested_accel < -self.params.constants.stop_lamp_decel
+        # Low beam and fog lamps, which stay as they are.
         lights = params.vehicles.initial_lights.astype(np.int32)
         for is_on, light in (
             (left > 0, Lights.INDICATOR_LEFT),
             (left < 0, Lights.INDICATOR_RIGHT),
+            # A wreck requests no braking, but slides with locked wheels; that it shows stop lamps
+            # is a choice.
             (is_braking | (state.motion.is_wreck > 0), Lights.BRAKE),
             (state.controls.flashes_high_beam > 0, Lights.HIGH_BEAM),
         ):
@@ -294,7 +302,8 @@ class Recorder:
         )
         for is_made, kind, roles in (
             (intent.starts_pull_out, ManoeuvreKind.PULL_OUT, pull_out_roles),
-            # A cancelled lane change leads back to the lane that the ego has left.
+            # A cancelled lane change leads back to the lane that the ego has left. On two-way roads
+            # no driver cancels a return.
             (intent.cancels_pull_out, ManoeuvreKind.CANCEL, right),
             (intent.cancels_return, ManoeuvreKind.CANCEL, left),
             (intent.starts_return, ManoeuvreKind.RETURN, right),
@@ -327,7 +336,9 @@ class Recorder:
         state.num_percepts = np.where(is_recorded, state.num_percepts + ONE, state.num_percepts)
 
     def _mix(self, words: list[NDArray[np.int32]], mask: Mask) -> None:
-        """Mix a word into each accumulator where `mask` holds, by a round of xxHash32.
+        """Mix one word into each accumulator where `mask` holds, by a round of xxHash32.
+
+        Fewer than four words leave the last accumulators as they are.
 
         Source:
             Collet 2012.
@@ -351,6 +362,7 @@ class Recorder:
         return Trajectories(
             scenario=self.scenario,
             num_frames=self.num_frames,
+            # On a curved road this computes `x`, `y` and `heading` from the other integers.
             states=with_world_coordinates(self.scenario.road, states, is_recorded),
             stage=self.stage[:, :length],
             collided_with=self.collided_with[:, :length],
@@ -373,6 +385,7 @@ class Recorder:
         for k in range(MAX_PERCEPTS):
             words = [p.kind[:, k], p.time[:, k]]
             words += [field[:, k, vehicle] for vehicle in PerceivedVehicle for field in fields]
+            # Each word goes to the next of four accumulators.
             for start in range(0, len(words), 4):
                 four = [word.astype(np.int32) for word in words[start : start + 4]]
                 self._mix(four, p.valid[:, k])
