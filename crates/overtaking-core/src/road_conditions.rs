@@ -1,9 +1,12 @@
 //! Road and weather at each vehicle: friction, course of the road, speed limits and wind. The twin of
 //! `overtaking.sim.reference.road_conditions`, which names the sources.
 //!
-//! Parameters of road and wind hold in the frame of the road, the state in each vehicle's direction of travel.
-//! `travel_sign` (1 along the road, -1 against it) converts signs between the two. A vector has one number for each
-//! simulation of a block, in a SIMD lane.
+//! Functions run once for each decision of the drivers, every 0.05 s. Parameters of road and wind hold in the frame of
+//! the road, the state in each vehicle's direction of travel. In both, lateral values are positive to the left, the
+//! overtaking side. `travel_sign` (1 along the road, -1 against it) converts signs between the two.
+//!
+//! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
+//! computed together; such an element is a SIMD lane. `VehicleHandle` is a view of one vehicle slot in them.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -20,11 +23,13 @@ use crate::vehicle_handle::VehicleHandle;
 
 /// A uniform number of unit variance lies within +- sqrt(3).
 const ROOT_3: f32 = 1.732_050_8;
-/// Shifts of the two waves of puddles from one wheel path to the next, in wave lengths: one over the golden ratio, and
-/// its square. Neighbouring wheel paths so have puddles at different places.
+/// Shifts of the two waves of puddles from one wheel path to the next, in wave lengths: neighbouring wheel paths have
+/// puddles at different places. The first is one over the golden ratio, the second its square, because multiples of
+/// these fill a period evenly.
 const PHASE_STEP_1: f32 = 0.618_034;
 const PHASE_STEP_2: f32 = 0.381_966;
-/// Keeps the path finite for a vehicle far inside a bend [1].
+/// Smallest radius of a vehicle's path over that of the reference line; keeps the path finite for a vehicle far inside
+/// a bend [1]. A choice.
 const MIN_RADIUS_SHARE: f32 = 0.25;
 /// Keeps the angle of the wind finite at rest [m/s].
 const MIN_AIR_SPEED: f32 = 1.0;
@@ -32,7 +37,7 @@ const MIN_AIR_SPEED: f32 = 1.0;
 /// Advance an Ornstein-Uhlenbeck process of unit variance by one step.
 ///
 /// `kept_share` is the correlation of the new value with the present one, 0 to 1, and `uniform_number` a random number
-/// in (0, 1).
+/// in (0, 1). A uniform number takes one random word, a normal one two; the process is nearly normal all the same.
 #[inline(always)]
 fn ornstein_uhlenbeck_step<S: Simd>(
     process: &mut F32<S>,
@@ -53,6 +58,7 @@ pub fn update_random_processes<S: Simd, const N: usize>(
     let (simd, constants, simulation) = (params.simd, &params.constants, &params.simulations);
     // The first draw keeps nothing of the past, so the processes start with unit variance.
     let has_past = if decision_index == 0 { 0.0 } else { 1.0 };
+    // `decision` is the time between two decisions [s].
     let kept_error = has_past * exp(splat(simd, -constants.decision / constants.error_time));
     let kept_wander = has_past * exp(splat(simd, -constants.decision / constants.lane_time));
     for slot in 0..params.num_slots_in_use {
@@ -131,8 +137,8 @@ fn triangle_wave<S: Simd>(x: F32<S>) -> F32<S> {
 
 /// Depth of the puddle at a point, as a share of its full depth: 0 outside puddles, at most 1.
 ///
-/// Puddles lie where two triangle waves along the wheel path add up to less than a threshold. `wheel_path` is a whole
-/// number, counted across the road.
+/// Puddles lie where two triangle waves along the wheel path add up to less than a threshold, and are the deeper, the
+/// less they add up to. `wheel_path` is a whole number, counted across the road.
 #[inline(always)]
 fn puddle_depth_share<S: Simd, const N: usize>(
     params: &Params<S, N>,
@@ -237,12 +243,12 @@ pub fn update_road_course<S: Simd, const N: usize>(
     );
     let travel_sign = vehicle.travel_sign;
     let drives_against = travel_sign.simd_lt(0.0);
-    let last = (table.curvature.len() - 1) as f32;
+    let last = (table.curvature.len() - 1) as f32; // Index of the last station of the table.
     // Index of the direction of travel in pairs of rows of the table, for the simulation in one SIMD lane.
     let direction = |simd_lane: usize| usize::from(travel_sign[simd_lane] < 0.0);
 
     let half_decision = 0.5 * constants.decision;
-    // A driver steers for the curvature at the place where the vehicle will respond.
+    // A driver steers for the curvature at the place where the vehicle will respond; the lags are times [s].
     let steering_lag = select(
         vehicle.two_wheeler.simd_gt(0.0),
         splat(params.simd, constants.two_wheeler_lag),
@@ -259,6 +265,7 @@ pub fn update_road_course<S: Simd, const N: usize>(
         travel_sign * interpolate_course(ahead_station, last, |_| &table.curvature);
     let road = &mut state.road;
     road.station_per_metre[slot] = station_per_metre(curvature, offset);
+    // The curvature of the vehicle's path, whose radius is smaller by `offset`.
     road.curvature[slot] = curvature * road.station_per_metre[slot];
     road.curvature_ahead[slot] = curvature_ahead * station_per_metre(curvature_ahead, offset);
     road.sin_slope[slot] =
@@ -266,6 +273,7 @@ pub fn update_road_course<S: Simd, const N: usize>(
 
     let station = course_station(params, drives_against, s);
     let radii = [&table.radius_along, &table.radius_against];
+    // Not the radius here, but one that is large where the next bends are wide or far ahead.
     let radius = interpolate_course(station, last, |simd_lane| radii[direction(simd_lane)]);
     let bend_accel = at_most(params.simulations.max_lateral_accel, constants.bend_accel);
     road.bend_speed[slot] = (bend_accel * radius).sqrt();
@@ -281,6 +289,7 @@ pub fn update_road_course<S: Simd, const N: usize>(
         sight_distances[2 * is_truck + direction(simd_lane)]
     });
 
+    // Largest speed from which a driver can slow down in time for each limit here and ahead.
     let allowed_speeds = [&table.allowed_speed_along, &table.allowed_speed_against];
     let next_s = s + constants.decision * v;
     let next_station = course_station(params, drives_against, next_s);
@@ -296,6 +305,7 @@ pub fn update_road_course<S: Simd, const N: usize>(
     let next_adapted_speed = adapted_speed(vehicle, &params.simulations, next_speed_limit);
     let next_desired_speed = min(next_adapted_speed, vehicle.desired_speed);
     let change_rate = (next_desired_speed - desired_speed) / constants.decision;
+    // `per_approach` is one over the time constant.
     let accel_limit = max(
         change_rate + (desired_speed - v) * constants.per_approach,
         -vehicle.decel,
@@ -329,7 +339,7 @@ fn course_station<S: Simd, const N: usize>(
 
 /// Metres of the reference line passed for each metre driven by a vehicle `offset` metres to the left of the line [1].
 ///
-/// Inside of a bend a metre driven is more than a metre of the reference line.
+/// It is above 1 inside of a bend.
 #[inline(always)]
 fn station_per_metre<S: Simd>(curvature: F32<S>, offset: F32<S>) -> F32<S> {
     1.0 / at_least(1.0 - curvature * offset, MIN_RADIUS_SHARE)
@@ -381,7 +391,8 @@ pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params:
     let has_puddles = params.simulations.puddle_film.simd_gt(0.0).any_true();
     for slot in 0..params.num_slots_in_use {
         let vehicle = &params.vehicles[slot];
-        // The lane that the centre is in, by the frame of the vehicle: opposite lanes are equally wide.
+        // The lane that the centre is in, in the frame of the vehicle: from there a two-way road, whose two lanes are
+        // equally wide, looks the same in both directions.
         let mut lane = splat(params.simd, 0.0);
         for index in 1..num_lanes {
             let is_beyond_line = state.motion.d[slot].simd_ge(road.boundaries[index]);
@@ -392,6 +403,7 @@ pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params:
             );
         }
         let film = lane_film(params, value_of_lane(&road.film_path[..num_lanes], lane));
+        // The friction at this speed on each film of the table, between which `friction_at_film` interpolates.
         let columns = friction_at_speed(
             constants,
             state.motion.vx[slot],
@@ -415,6 +427,7 @@ pub fn update_friction<S: Simd, const N: usize>(state: &mut State<S, N>, params:
             (left_offset, &mut state.friction_and_wind.mu_left[slot]),
             (right_offset, &mut state.friction_and_wind.mu_right[slot]),
         ] {
+            // Number of the wheel path, counted from the kerb side.
             let wheel_path = floor((d + offset - road.boundaries[0]) / path_width);
             let depth_share = puddle_depth_share(params, s, wheel_path);
             let local_film = film + params.simulations.puddle_film * depth_share;
@@ -466,7 +479,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Strength of the single gusts at bridges and cuttings, 0 to 1.
     ///
-    /// The road has one gust in each interval of `gust_spacing`, with the shape of 1 - cos.
+    /// The road has one gust in each interval of `gust_spacing`, with the shape of 1 - cos. It covers the first
+    /// `gust_length` metres.
     #[inline(always)]
     fn discrete_gust(self) -> F32<S> {
         let params = self.params;
@@ -484,7 +498,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     }
 }
 
-/// Add the pushes of the study to the wind force: sideways, for a part of each interval.
+/// Add the pushes of the study by Pinto et al. (2023) to the wind force: sideways, for a part of each interval.
 #[inline(always)]
 pub fn apply_study_push<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -492,6 +506,7 @@ pub fn apply_study_push<S: Simd, const N: usize>(
     decision_index: u32,
 ) {
     let simulation = &params.simulations;
+    // Intervals since the start, one for each push.
     let num_intervals = decision_index as f32 * simulation.push_rate + simulation.push_phase;
     let is_pushed = simulation.push_accel.simd_ne(0.0)
         & (num_intervals - floor(num_intervals)).simd_lt(simulation.push_duty_cycle);
@@ -525,6 +540,7 @@ pub fn update_wind<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Pa
         let across = handle.in_travel_direction(simulation.wind_across) * strength * open_share;
         let tail_wind = handle.in_travel_direction(simulation.wind_along) * strength;
         let along = at_least(state.motion.vx[slot] - tail_wind, MIN_AIR_SPEED);
+        // The force coefficient grows with the angle of the relative wind, up to a maximum.
         let angle = atan(across.abs() / along);
         let (sine, _) = sincos(at_most(
             constants.wind_angle_factor * angle,
@@ -533,7 +549,8 @@ pub fn update_wind<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Pa
         let squared_air_speed = along * along + across * across;
         let force = vehicle.side_wind * squared_air_speed * sine;
         let force = select(across.simd_lt(0.0), -force, force);
-        // The centre of pressure moves back as the wind comes more from the side.
+        // The centre of pressure moves back as the wind comes more from the side. `wind_arm` is the distance of the
+        // middle between the axles ahead of the centre of gravity.
         let cosine = along / squared_air_speed.sqrt();
         let wind = &mut state.friction_and_wind;
         wind.tail_wind[slot] = tail_wind;

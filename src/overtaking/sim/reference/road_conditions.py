@@ -1,7 +1,9 @@
 """Road and weather at each vehicle: friction, course of the road, speed limits and wind.
 
-Parameters of road and wind hold in the frame of the road, the state in each vehicle's direction of
-travel. `travel_sign` (1 along the road, -1 against it) converts signs between the two.
+Functions run once for each decision of the drivers, every 0.05 s. Parameters of road and wind hold
+in the frame of the road, the state in each vehicle's direction of travel. In both, lateral values
+are positive to the left, the overtaking side. `travel_sign` (1 along the road, -1 against it)
+converts signs between the two.
 """
 
 import dataclasses
@@ -32,7 +34,9 @@ from overtaking.world.step_parameters import StepParameters
 
 _ROOT_3 = np.float32(1.732_050_8)  # A uniform number of unit variance lies within +- sqrt(3).
 
-_MIN_RADIUS_SHARE = np.float32(0.25)  # Keeps the path finite for a vehicle far inside a bend [1].
+# Smallest radius of a vehicle's path over that of the reference line; keeps the path finite for a
+# vehicle far inside a bend [1]. A choice.
+_MIN_RADIUS_SHARE = np.float32(0.25)
 
 _MIN_AIR_SPEED = np.float32(1.0)  # Keeps the angle of the wind finite at rest [m/s].
 
@@ -66,7 +70,7 @@ def update_random_processes(state: State, params: StepParameters, decision_index
     air_speed = np.sqrt(relative_along * relative_along + wind_across * wind_across)
     # The first draw keeps nothing of the past, so the processes start with unit variance.
     has_past = np.float32(0.0 if decision_index == 0 else 1.0)
-    decision = constants.decision
+    decision = constants.decision  # Time between two decisions [s].
     # The turbulence is correlated over a length of air, and passes a fast vehicle in less time.
     kept_gust = has_past * exp(-(air_speed * decision) / constants.gust_length_scale)
     kept_error = has_past * exp(-decision / constants.error_time)
@@ -89,7 +93,8 @@ def update_friction(state: State, params: StepParameters) -> None:
     """Update the friction under the wheels of either side in `state.friction_and_wind`."""
     vehicles, simulations = params.vehicles, params.simulations
     constants, road = params.constants, params.road
-    # The lane that the centre is in, by the frame of the vehicle: opposite lanes are equally wide.
+    # The lane that the centre is in, in the frame of the vehicle: from there a two-way road, whose
+    # two lanes are equally wide, looks the same in both directions.
     lane = np.zeros_like(state.motion.d)
     for k in range(1, road.num_lanes):
         lane = np.where(state.motion.d >= road.boundaries[k], np.float32(k), lane)
@@ -100,6 +105,8 @@ def update_friction(state: State, params: StepParameters) -> None:
         path_factor,
         simulations.texture_depth,
     )
+    # The friction at this speed on each film of the table, between which `friction_at_film`
+    # interpolates.
     friction_columns = road_surface.friction_at_speed(
         constants, state.motion.vx, vehicles.tyre_wear, vehicles.has_truck_tyres
     )
@@ -112,6 +119,7 @@ def update_friction(state: State, params: StepParameters) -> None:
     def friction_at(offset: F32) -> F32:
         """Friction under wheels at an offset to the left of the centre [m]."""
         wheel_d = d + vehicles.travel_sign * offset
+        # Number of the wheel path, counted from the kerb side.
         wheel_path = road_surface.floor((wheel_d - road.boundaries[0]) / path_width)
         depth_share = road_surface.puddle_depth_share(
             constants,
@@ -130,7 +138,7 @@ def update_friction(state: State, params: StepParameters) -> None:
 
 
 def update_road_course(state: State, params: StepParameters) -> None:
-    """Compute curvature, slope and sight at each vehicle until the next decision.
+    """Compute curvature, slope, bend speed and sight at each vehicle until the next decision.
 
     Curvature and slope hold for the middle of that time, bend speed and sight for its start. For a
     vehicle against the road a bend to the left becomes a bend to the right, and a rise a fall.
@@ -145,24 +153,27 @@ def update_road_course(state: State, params: StepParameters) -> None:
     # at d = `edge_sum` in the frame of vehicles against the road.
     offset = np.where(is_opposite, motion.d - road.edge_sum, motion.d)
     half_decision = HALF * constants.decision
-    # A driver steers for the curvature at the place where the vehicle will respond.
+    # A driver steers for the curvature at the place where the vehicle will respond; the lags are
+    # times [s].
     car_lag = constants.steering_lag + vehicles.side_lag * motion.vx
     steering_lag = np.where(vehicles.two_wheeler > 0, constants.two_wheeler_lag, car_lag)
     s_mid = motion.s + half_decision * motion.vx
     s_ahead = motion.s + (half_decision + steering_lag) * motion.vx
 
     def value_at(row: F32, s: F32) -> F32:
+        """The value of a row of the table at station `s` of each vehicle."""
         road_s = np.where(is_opposite, road.length - s, s)
         return interpolate_course(row, road_s * constants.per_station)
 
     def station_per_metre(curvature: F32) -> F32:
-        # Inside of a bend a metre driven is more than a metre of the reference line.
+        """Metres of the reference line for each metre driven: above 1 inside of a bend."""
         return ONE / maximum(ONE - curvature * offset, _MIN_RADIUS_SHARE)
 
     curvature, curvature_ahead = (
         vehicles.travel_sign * value_at(table.curvature, s) for s in (s_mid, s_ahead)
     )
     local_road.station_per_metre = station_per_metre(curvature)
+    # The curvature of the vehicle's path, whose radius is smaller by `offset`.
     local_road.curvature = curvature * local_road.station_per_metre
     local_road.curvature_ahead = curvature_ahead * station_per_metre(curvature_ahead)
     local_road.sin_slope = vehicles.travel_sign * value_at(table.sine_of_slope, s_mid)
@@ -186,17 +197,18 @@ def update_road_course(state: State, params: StepParameters) -> None:
 def with_local_speeds(state: State, params: StepParameters) -> StepParameters:
     """Parameters in which speeds follow the speed limits at each driver and ahead of it.
 
-    Ahead of a lower limit the desired speed falls. The driver brakes at the rate of this fall, and
-    removes the difference between its speed and the desired one with a time constant. It does not
-    brake harder than its comfortable deceleration.
+    The allowed speed at a place is the largest from which a driver can slow down in time for each
+    limit ahead, so the desired speed falls ahead of a lower limit. The driver brakes at the rate of
+    this fall, and removes the difference between its speed and the desired one with a time
+    constant. It does not brake harder than its comfortable deceleration.
 
     Args:
         state: State at a decision; the function updates its `road.accel_limit`.
         params: Parameters of the batch.
 
     Returns:
-        Parameters with new `local_vehicles`; `params` itself on a straight, level road with one
-        limit.
+        Parameters with new `local_vehicles`, the parameters of drivers at their present places;
+        `params` itself on a straight, level road with one limit.
     """
     vehicles, simulations = params.vehicles, params.simulations
     constants, road, motion = params.constants, params.road, state.motion
@@ -214,11 +226,13 @@ def with_local_speeds(state: State, params: StepParameters) -> StepParameters:
     speed_limit, next_speed_limit = (
         allowed_speed(constants, road, s, is_opposite) for s in (motion.s, next_s)
     )
+    # `adapted_speed` is the speed under a limit in this weather and light.
     desired_speed, next_desired_speed = (
         minimum(adapted_speed(factors, limit), vehicles.desired_speed)
         for limit in (speed_limit, next_speed_limit)
     )
     change_rate = (next_desired_speed - desired_speed) / constants.decision
+    # `per_approach` is one over the time constant.
     accel = change_rate + (desired_speed - motion.vx) * constants.per_approach
     state.road.accel_limit = np.where(
         change_rate < 0, maximum(accel, -vehicles.decel), NO_ACCEL_LIMIT
@@ -259,7 +273,7 @@ def wind_shelter(state: State, params: StepParameters) -> F32:
             & is_upwind
             & (np.abs(lateral_distance) < reach)
         )
-        is_sheltered[other_slot] = False
+        is_sheltered[other_slot] = False  # A vehicle does not shelter itself.
         share = np.where(is_sheltered, minimum(share, open_share), share)
     return share
 
@@ -267,7 +281,8 @@ def wind_shelter(state: State, params: StepParameters) -> F32:
 def discrete_gust(state: State, params: StepParameters) -> F32:
     """Strength of the single gusts at bridges and cuttings, 0 to 1.
 
-    The road has one gust in each interval of `gust_spacing`, with the shape of 1 - cos.
+    The road has one gust in each interval of `gust_spacing`, with the shape of 1 - cos. It covers
+    the first `gust_length` metres.
 
     Source:
         The shape of discrete gusts in certification rules, such as EASA CS-25.341.
@@ -304,7 +319,8 @@ def update_wind(state: State, params: StepParameters) -> None:
     sine, _ = sincos(minimum(constants.wind_angle_factor * angle, HALF_PI))
     force = vehicles.side_wind * (along * along + across * across) * sine
     wind.wind_force = np.where(across < 0, -force, force)
-    # The centre of pressure moves back as the wind comes more from the side.
+    # The centre of pressure moves back as the wind comes more from the side. `wind_arm` is the
+    # distance of the middle between the axles ahead of the centre of gravity.
     cosine = along / np.sqrt(along * along + across * across)
     wind.wind_moment = wind.wind_force * (vehicles.wind_centre * cosine + vehicles.wind_arm)
 
@@ -318,6 +334,7 @@ def apply_study_push(state: State, params: StepParameters, decision_index: int) 
     """
     vehicles, simulations = params.vehicles, params.simulations
     wind = state.friction_and_wind
+    # Intervals since the start, one for each push.
     num_intervals = np.float32(decision_index) * simulations.push_rate + simulations.push_phase
     share_of_interval = num_intervals - road_surface.floor(num_intervals)
     is_within_push = share_of_interval < simulations.push_duty_cycle
