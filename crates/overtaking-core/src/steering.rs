@@ -1,5 +1,13 @@
 //! Lateral path of a lane change, and the wheel angle that follows it; the twin of
 //! `overtaking.sim.reference.steering`, which names the sources.
+//!
+//! Lateral positions `d`, angles and forces are positive to the left, the overtaking side. The *lean* of a two-wheeler
+//! is stated as the lateral acceleration that it balances, and takes the place of the wheel angle. Drivers decide every
+//! 0.05 s; a *step* of the motion lasts as long or less.
+//!
+//! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
+//! computed together. `VehicleHandle` is a view of one vehicle slot in them. The flag `VARIES` is whether the road
+//! bends, rises or has several speed limits.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -40,9 +48,9 @@ pub fn start_path<S: Simd, const N: usize>(
     duration: F32<S>,
 ) {
     let PathPoint { d, velocity } = path_point(state, slot, 0.0);
-    let accel = path_accel(state, slot, splat(duration.simd, 0.0));
+    let accel = path_accel(state, slot, splat(duration.simd, 0.0)); // Of the present path.
     let t = duration;
-    // Changes that the terms of third to fifth order make up until the end.
+    // The terms of third to fifth order must bring about these changes by the end of the path.
     let d_change = end_d - d - velocity * t - 0.5 * accel * (t * t);
     let velocity_change = -(velocity + accel * t);
     let accel_change = -accel;
@@ -99,7 +107,9 @@ fn path_accel<S: Simd, const N: usize>(
     2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * (20.0 * c5)))
 }
 
-/// Let the driver in `slot` follow the side wind with a lag. At the first frame it holds against the wind already.
+/// Let the driver in `slot` follow the side wind with a lag, once for each decision.
+///
+/// At the first frame, `step` 0, it holds against the wind already.
 #[inline(always)]
 pub fn update_wind_trim<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -117,7 +127,8 @@ pub fn update_wind_trim<S: Simd, const N: usize>(
 
 /// Let the vehicle in `slot` drive steadily along the bend at the first frame, as if it had entered it before.
 ///
-/// The vehicle turns with the road; its rear points outwards by the slip of the rear tyres.
+/// The vehicle turns with the road. Its rear points outwards by the slip of the rear tyres, whose stiffness is stated
+/// per load.
 #[inline(always)]
 pub fn settle_into_bend<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -135,6 +146,7 @@ pub fn settle_into_bend<S: Simd, const N: usize>(
     let angle = curvature * (vehicle.wheelbase + vehicle.understeer * (v * v));
     state.controls.wheel_angle[slot] = select(is_two_wheeler, accel_lat, angle);
     motion.vy[slot] = select(is_two_wheeler, splat(params.simd, 0.0), vy);
+    // Its centre moves along the road. Where a formula divides by speed, `slip_speed` is the least.
     motion.heading[slot] = -atan(motion.vy[slot] / at_least(v, constants.slip_speed));
     (motion.sin_heading[slot], motion.cos_heading[slot]) = sincos(motion.heading[slot]);
     (motion.yaw_rate[slot], motion.accel_lat[slot]) = (yaw_rate, accel_lat);
@@ -177,6 +189,9 @@ pub fn steer_to_angle<S: Simd, const N: usize, const VARIES: bool>(
 }
 
 /// Turn the front wheels of the vehicle in `slot`, or lean, as requested, with a lag; returns the same as `steer`.
+///
+/// The lags are of first order, integrated by the trapezoidal rule: `step_length.steering` and `step_length.leaning`
+/// are the shares of the remaining difference that a step corrects.
 #[inline(always)]
 fn turn_wheels<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -195,6 +210,7 @@ fn turn_wheels<S: Simd, const N: usize>(
     let lean_change = (request.lean - start_angle) * step_length.leaning;
     let is_two_wheeler = params.vehicles[slot].two_wheeler.simd_gt(0.0);
     let change = select(is_two_wheeler, lean_change, turn);
+    // A wreck slides whatever the angle of its wheels, so its angle is 0.
     let is_sound = state.motion.is_wreck[slot].simd_eq(0.0);
     let zero = splat(params.simd, 0.0);
     state.controls.wheel_angle[slot] = select(is_sound, start_angle + change, zero);
@@ -203,8 +219,9 @@ fn turn_wheels<S: Simd, const N: usize>(
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Wheel angle [rad], or lateral acceleration of a two-wheeler [m/s^2], that holds a straight course in the side
-    /// wind.
+    /// Wheel angle [rad], or lean [m/s^2], that holds a straight course in the side wind.
+    ///
+    /// `moment_angle` is the wheel angle per yaw moment of the wind, `understeer` that per lateral acceleration.
     #[inline(always)]
     fn wind_trim(self) -> F32<S> {
         let (wind, slot, vehicle) = (&self.state.friction_and_wind, self.slot, self.vehicle());
@@ -240,7 +257,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         );
         let feedforward = path_accel(state, slot, lookahead + lag);
 
-        // State after the lookahead, by the accelerations of the last step.
+        // State after the lookahead of half a step, by the accelerations of the last step. They are forces over the
+        // mass, in the vehicle's axes. The turning of these axes changes `vy` as well; its effect on `vx`, and the
+        // turning of the road in a bend, are neglected.
         let (sine, cosine) = (motion.sin_heading[slot], motion.cos_heading[slot]);
         let (accel_lon, accel_lat) = (motion.accel_lon[slot], motion.accel_lat[slot]);
         let velocity_d = motion.vx[slot] * sine + motion.vy[slot] * cosine;
@@ -251,6 +270,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             motion.vy[slot] + lookahead * (accel_lat - motion.vx[slot] * motion.yaw_rate[slot]);
         let yaw_rate = motion.yaw_rate[slot] + lookahead * motion.yaw_accel[slot];
 
+        // Error of the driver's aim [m]: a standard deviation times a process of unit variance.
         let wander = constants.lane_deviation * state.noise.lane_wander[slot];
         let accel = feedforward + constants.velocity_gain * (path.velocity - velocity_d);
         let accel = accel + constants.position_gain * (path.d + wander - d);
@@ -258,16 +278,19 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let max_accel_lat = params.simulations.max_lateral_accel;
         let mut accel = clamp(accel, -max_accel_lat, max_accel_lat);
         if VARIES {
+            // The curvature where the vehicle will be when it responds.
             accel += state.road.curvature_ahead[slot] * (vx * vx);
         }
         let inverse_speed = 1.0 / at_least(vx, constants.slip_speed);
+        // Feedback of the yaw rate damps the steering; without it, trucks weave.
         let damped_accel = accel + constants.yaw_gain * (accel - vx * yaw_rate);
         let angle_per_accel =
             vehicle.wheelbase * (inverse_speed * inverse_speed) + vehicle.understeer;
         let wind_trim = state.controls.wind_trim[slot];
         let angle = damped_accel * angle_per_accel + wind_trim;
 
-        // Drivers steer a sliding vehicle into the slide.
+        // Beyond the slip angle `reach` a larger wheel angle gives no more side force; drivers steer a sliding vehicle
+        // into the slide.
         let slip = (vy + vehicle.cg_front * yaw_rate) * inverse_speed;
         let reach = state.controls.slip_reach[slot];
         let limit = constants.steering_limit;

@@ -1,4 +1,9 @@
-"""Lateral path of a lane change, and the wheel angle that follows it."""
+"""Lateral path of a lane change, and the wheel angle that follows it.
+
+Lateral positions `d`, angles and forces are positive to the left, the overtaking side. The *lean*
+of a two-wheeler is stated as the lateral acceleration that it balances, and takes the place of the
+wheel angle. Drivers decide every 0.05 s; a *step* of the motion lasts as long or less.
+"""
 
 from typing import NamedTuple
 
@@ -32,7 +37,7 @@ def start_path(state: State, starts: Mask, end_d: F32, duration: F32) -> None:
     Source:
         Werling et al. 2010; Wang, Li and Li 2014 found quintic kernels in measured lane changes.
     """
-    (d, velocity), accel = path_point(state), path_accel(state)
+    (d, velocity), accel = path_point(state), path_accel(state)  # Of the present path.
     t = duration
     # The terms of third to fifth order must bring about these changes by the end of the path.
     d_change = end_d - d - velocity * t - HALF * accel * (t * t)
@@ -83,10 +88,9 @@ def path_accel(state: State, lookahead: F32 | np.float32 = ZERO) -> F32:
 def wind_trim(vehicle: VehicleParameters, force: F32, moment: F32) -> F32:
     """Wheel angle [rad], or lean [m/s^2], that holds a straight course in a side wind.
 
-    The lean of a two-wheeler is stated as the lateral acceleration that it balances.
-
     The steady single-track equations with lateral force F and yaw moment M and no yaw rate:
-    delta = -K F / m - M (1 / C_f + 1 / C_r) / l with the understeer gradient K.
+    delta = -K F / m - M (1 / C_f + 1 / C_r) / l with the understeer gradient K, the cornering
+    stiffnesses C and the wheelbase l. The factor of M is `vehicle.moment_angle`.
 
     Args:
         vehicle: Parameters of the vehicles.
@@ -99,11 +103,15 @@ def wind_trim(vehicle: VehicleParameters, force: F32, moment: F32) -> F32:
 
 
 def update_wind_trim(state: State, params: StepParameters, step: int) -> None:
-    """Follow the side wind with a lag; at the first frame drivers hold against it already."""
+    """Let drivers follow the side wind with a lag, once for each decision.
+
+    At the first frame, `step` 0, they hold against the wind already.
+    """
     wind, constants, controls = state.friction_and_wind, params.constants, state.controls
     target = wind_trim(params.vehicles, wind.wind_force, wind.wind_moment)
     if step == 0:
         controls.wind_trim = target
+    # The share of the difference that drivers correct in `decision`, the time until the next one.
     lag_share = constants.decision / constants.wind_lag
     controls.wind_trim = controls.wind_trim + (target - controls.wind_trim) * lag_share
 
@@ -111,7 +119,8 @@ def update_wind_trim(state: State, params: StepParameters, step: int) -> None:
 def settle_into_bend(state: State, params: StepParameters) -> None:
     """Let vehicles drive steadily along the bend at the first frame, as if they had entered before.
 
-    The vehicle turns with the road; its rear points outwards by the slip of the rear tyres.
+    A vehicle turns with the road. Its rear points outwards by the slip of the rear tyres, whose
+    stiffness is stated per load.
 
     Source:
         Steady-state cornering of the single-track model (Gillespie 1992, chapter 6).
@@ -125,6 +134,7 @@ def settle_into_bend(state: State, params: StepParameters) -> None:
     angle = state.road.curvature * (vehicles.wheelbase + vehicles.understeer * (v * v))
     state.controls.wheel_angle = np.where(is_two_wheeler, accel_lat, angle)
     motion.vy = np.where(is_two_wheeler, ZERO, vy)
+    # Its centre moves along the road. Where a formula divides by speed, `slip_speed` is the least.
     motion.heading = -atan(motion.vy / maximum(v, constants.slip_speed))
     motion.yaw_rate, motion.accel_lat = yaw_rate, accel_lat
 
@@ -159,6 +169,7 @@ def steer(
     if ego_wheel_angle is not None:
         limit = constants.steering_limit
         angle[EGO_SLOT] = clamp(ego_wheel_angle, -limit, limit)
+    # First-order lags, integrated by the trapezoidal rule; the wheels also have a largest rate.
     max_turn = constants.steering_rate * step_length
     turn = (angle - controls.wheel_angle) * (step_length / (constants.steering_lag + half_step))
     turn = clamp(turn, -max_turn, max_turn)
@@ -192,7 +203,9 @@ def _requested_steering(
     lag = np.where(vehicles.two_wheeler > 0, constants.two_wheeler_lag, car_lag)
     feedforward = path_accel(state, lookahead + lag)
 
-    # State after the lookahead, by the accelerations of the last step.
+    # State after the lookahead of half a step, by the accelerations of the last step. They are
+    # forces over the mass, in the vehicle's axes. The turning of these axes changes `vy` as well;
+    # its effect on `vx`, and the turning of the road in a bend, are neglected.
     sine, cosine = sincos(motion.heading)
     velocity_d = motion.vx * sine + motion.vy * cosine
     d = motion.d + lookahead * velocity_d
@@ -201,10 +214,12 @@ def _requested_steering(
     vy = motion.vy + lookahead * (motion.accel_lat - motion.vx * motion.yaw_rate)
     yaw_rate = motion.yaw_rate + lookahead * motion.yaw_accel
 
+    # Error of the driver's aim [m]: a standard deviation times a process of unit variance.
     wander = constants.lane_deviation * state.noise.lane_wander
     accel = feedforward + constants.velocity_gain * (path.velocity - velocity_d)
     accel = accel + constants.position_gain * (path.d + wander - d)
     # The limit holds for moves within the road; drivers follow its bends in any case.
+    # `curvature_ahead` is the curvature where the vehicle will be when it responds.
     accel = clamp(accel, -max_accel_lat, max_accel_lat) + state.road.curvature_ahead * (vx * vx)
     inverse_speed = ONE / maximum(vx, constants.slip_speed)
     # Feedback of the yaw rate damps the steering; without it, trucks weave.
@@ -212,7 +227,8 @@ def _requested_steering(
     angle_per_accel = vehicles.wheelbase * (inverse_speed * inverse_speed) + vehicles.understeer
     angle = damped_accel * angle_per_accel + state.controls.wind_trim
 
-    # Beyond this slip more angle gives no more force; a sliding vehicle is steered into the slide.
+    # Beyond the slip angle `reach` a larger wheel angle gives no more side force; drivers steer a
+    # sliding vehicle into the slide.
     slip = (vy + vehicles.cg_front * yaw_rate) * inverse_speed
     friction = state.friction_and_wind
     reach = (
