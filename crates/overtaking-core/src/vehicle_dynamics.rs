@@ -1,4 +1,15 @@
-//! Motion of a vehicle over one step; the twin of `overtaking.sim.reference.vehicle_dynamics`, which names the sources.
+//! Motion of a vehicle over one step: single-track model with Fiala tyres, leaning point mass, sliding wreck. The twin
+//! of `overtaking.sim.reference.vehicle_dynamics`, which names the sources.
+//!
+//! The sideways motion on four wheels is fast compared with a step of 50 ms, and stiff at low speed. A linearly
+//! implicit step therefore advances side speed and yaw rate together: it computes the forces and their slopes once, and
+//! solves two linear equations. docs/explanation/model.md derives it.
+//!
+//! Velocities are in the vehicle's axes: `vx` ahead, `vy` to the left. Lateral positions, forces, angles and yaw rates
+//! are positive to the left. A wreck is a vehicle that has collided or has left the road. Values of type `F32<S>` and
+//! `Mask<S>` have one element for each simulation of a block, the simulations that are computed together;
+//! `VehicleHandle` is a view of one vehicle slot in them. The flag `VARIES` is whether the road bends, rises or has
+//! several speed limits.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
@@ -57,13 +68,13 @@ struct Axles<S: Simd> {
 
 /// Lateral force of an axle.
 struct TyreForce<S: Simd> {
-    /// Force against the slip [N].
+    /// Force against the slip, positive to the left [N].
     force: F32<S>,
-    /// Growth of the size of the force with the slip [N].
+    /// Growth of the size of the force with the slip, the side speed over the speed [N].
     slope: F32<S>,
 }
 
-/// Result of a step; the state holds its mean accelerations.
+/// Result of a step, without its mean accelerations, which are stored in the state.
 #[derive(Clone, Copy)]
 pub struct MotionStep<S: Simd> {
     /// Velocity ahead at the end, in the vehicle's axes [m/s].
@@ -217,6 +228,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     #[inline(always)]
     fn front_load_share(self, accel: F32<S>) -> F32<S> {
         let vehicle = self.vehicle();
+        // An acceleration moves the load backwards, as if the centre of gravity lay so much farther back [m].
         let shift = accel * vehicle.cg_height * self.params.derived.inverse_gravity;
         vehicle.inverse_wheelbase
             * (vehicle.cg_rear - clamp(shift, -vehicle.cg_front, vehicle.cg_rear))
@@ -243,6 +255,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         // The acceleration of the last step contains the pull of the slope. It affects the estimate only where friction
         // limits the force, and in `steering_loss`.
         let front_load_share = self.front_load_share(state.motion.accel_lon[slot]);
+        // `front_drive` is the share of the engine's force at the front axle.
         let front_force_share = select(brakes, front_load_share, vehicle.front_drive);
         let max_accel = self.friction_share(force) * self.max_friction_accel();
         let accel = force * vehicle.inverse_mass;
@@ -289,6 +302,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             self.state.motion.yaw_rate[self.slot] - clamp(requested, -max_yaw_rate, max_yaw_rate);
         let threshold = constants.stability_threshold;
         let error = error - clamp_to(error, -threshold, threshold);
+        // A wheel carries a quarter of the weight.
         let max_moment = 0.25 * max_accel * vehicle.mass * vehicle.half_track;
         // The moment that would remove the error within `stability_time`.
         let moment = -error * (1.0 / constants.stability_time) / vehicle.inverse_inertia;
@@ -299,7 +313,6 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 /// Advance the vehicle in `slot` by one step up to its new velocity, and store its mean accelerations.
 ///
 /// `wheel_angle` is as in `MidStep`.
-/// `VARIES` is whether the road bends, rises or has several speed limits.
 #[inline(always)]
 pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
     state: &mut State<S, N>,
@@ -366,6 +379,7 @@ fn single_track_step<S: Simd, const N: usize>(
 
     // Rates of change of side speed and yaw rate at the start of the step.
     let front_side_force = front_tyre.force * cosine + front.force_lon * sine;
+    // Moment of unequal longitudinal forces on the two sides.
     let split_moment = vehicle.half_track * (front.force_difference + rear.force_difference);
     let side_force = front_side_force + rear_tyre.force + wind_force;
     let vy_rate = side_force * vehicle.inverse_mass - mid.speed * yaw_rate;
@@ -401,6 +415,7 @@ fn single_track_step<S: Simd, const N: usize>(
     let mean_yaw_rate = yaw_rate + 0.5 * yaw_rate_change;
     let mean_vy = vy + 0.5 * vy_change;
     state.motion.accel_lon[slot] = accel_lon;
+    // The turning of the axes takes `speed * yaw_rate` off the rate of `vy`.
     state.motion.accel_lat[slot] = vy_change * step_length.inverse + mid.speed * mean_yaw_rate;
     MotionStep {
         vx: vx + step_length.length * (accel_lon + mean_vy * mean_yaw_rate),
@@ -473,7 +488,7 @@ pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
     step_length: &StepLength,
 ) {
     let is_wreck = state.motion.is_wreck[slot].simd_gt(0.0);
-    let (along, across) = state.vehicle(params, slot).road_velocity();
+    let (along, across) = state.vehicle(params, slot).road_velocity(); // Before the step [m/s].
     let mut yaw_rate = motion_step.yaw_rate;
     let mut kept_share = splat(params.simd, 1.0);
     if is_wreck.any_true() {
@@ -537,7 +552,8 @@ struct WreckSlide<S: Simd> {
 /// Slide a wreck in `slot`, and store its accelerations.
 ///
 /// Sliding friction takes a share of a wreck's speed, and its moment slows the spin. The formula assumes a body that
-/// only spins, with its weight at half the wheelbase from the centre.
+/// only spins, with its weight at half the wheelbase from the centre. `sliding_ratio` is the sliding friction over the
+/// peak friction.
 #[inline(always)]
 fn slide_wreck<S: Simd, const N: usize>(
     state: &mut State<S, N>,

@@ -1,8 +1,12 @@
 """Motion over one step: single-track model with Fiala tyres, leaning point mass, sliding wreck.
 
-The sideways motion on four wheels is fast beside a step of 50 ms, and stiff at low speed. A
+The sideways motion on four wheels is fast compared with a step of 50 ms, and stiff at low speed. A
 linearly implicit step therefore advances side speed and yaw rate together: it computes the forces
 and their slopes once, and solves two linear equations. docs/explanation/model.md derives it.
+
+Velocities are in the vehicle's axes: `vx` ahead, `vy` to the left. Lateral positions, forces,
+angles and yaw rates are positive to the left. A wreck is a vehicle that has collided or has left
+the road.
 """
 
 from dataclasses import dataclass
@@ -73,8 +77,8 @@ class Axles(NamedTuple):
 class TyreForce(NamedTuple):
     """Lateral force of an axle."""
 
-    force: F32  # Against the slip [N].
-    slope: F32  # Growth of its size with the slip [N].
+    force: F32  # Against the slip, positive to the left [N].
+    slope: F32  # Growth of its size with the slip, the side speed over the speed [N].
 
 
 @dataclass(slots=True, kw_only=True)
@@ -216,6 +220,7 @@ def _axles(state: State, params: StepParameters, force: F32, mid: MidStep) -> Ax
     # The acceleration of the last step contains the pull of the slope. It affects the estimate only
     # where friction limits the force, and in `steering_loss`.
     front_load_share = _front_load_share(params, state.motion.accel_lon)
+    # `front_drive` is the share of the engine's force at the front axle.
     front_force_share = np.where(force < 0, front_load_share, vehicles.front_drive)
     max_accel = np.where(
         (force > 0) & ~is_two_wheeler, constants.traction_share, constants.abs_share
@@ -252,6 +257,8 @@ def _front_load_share(params: StepParameters, accel: F32) -> F32:
     It is never negative: an axle can lift off the road, but not pull at it.
     """
     vehicles, constants = params.vehicles, params.constants
+    # An acceleration moves the load backwards, as if the centre of gravity lay so much farther back
+    # [m].
     shift = accel * vehicles.cg_height * (ONE / constants.gravity)
     return vehicles.inverse_wheelbase * (
         vehicles.cg_rear - clamp(shift, -vehicles.cg_front, vehicles.cg_rear)
@@ -294,6 +301,7 @@ def _single_track_step(
 
     # Rates of change of side speed and yaw rate at the start of the step.
     front_side_force = front_tyre.force * cosine + front.force_lon * sine
+    # Moment of unequal longitudinal forces on the two sides.
     split_moment = vehicles.half_track * (front.force_difference + rear.force_difference)
     side_force = front_side_force + rear_tyre.force + wind.wind_force
     vy_rate = side_force * vehicles.inverse_mass - mid.speed * motion.yaw_rate
@@ -330,6 +338,7 @@ def _single_track_step(
     mean_vy = motion.vy + HALF * vy_change
     return MotionStep(
         accel_lon=accel_lon,
+        # The turning of the axes takes `speed * yaw_rate` off the rate of `vy`.
         accel_lat=vy_change * (ONE / step_length) + mid.speed * mean_yaw_rate,
         vx=motion.vx + step_length * (accel_lon + mean_vy * mean_yaw_rate),
         vy=motion.vy + vy_change,
@@ -355,6 +364,7 @@ def _stability_control(state: State, params: StepParameters, speed: F32, wheel_a
     error = state.motion.yaw_rate - clamp(requested, -max_yaw_rate, max_yaw_rate)
     threshold = constants.stability_threshold
     error = error - clamp(error, -threshold, threshold)
+    # A wheel carries a quarter of the weight.
     max_moment = np.float32(0.25) * max_accel * vehicles.mass * vehicles.half_track
     # The moment that would remove the error within `stability_time`.
     moment = -error * (ONE / constants.stability_time) / vehicles.inverse_inertia
@@ -426,6 +436,7 @@ def _update_position(
 
     # Sliding friction takes a share of a wreck's speed, and its moment slows the spin. The
     # formula assumes a body that only spins, with its weight at half the wheelbase from the centre.
+    # `sliding_ratio` is the sliding friction over the peak friction.
     sliding_decel = constants.sliding_ratio * _max_friction_accel(state, params)
     speed = np.sqrt(along * along + across * across)
     lost_share = minimum(sliding_decel * step_length, speed) / maximum(speed, _MIN_SLIDING_SPEED)
