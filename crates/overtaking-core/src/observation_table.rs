@@ -177,8 +177,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// The model driver's beliefs about a neighbour.
     ///
     /// In the profile of the study by Pinto et al. (2023) the ego changes lanes by that study's script, which decides
-    /// by the true closing speed to the leader: by its belief the ego would pull out too late. There the column shows
-    /// the true speed too.
+    /// by the true closing speed to the leader: by its belief the ego would pull out too late. The column of such
+    /// an ego shows the true speed too.
     #[inline(always)]
     fn believed_motion(self, context: &DriverContext<S>, role: usize) -> NeighbourMotion<S> {
         let params = self.params;

@@ -336,6 +336,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             splat(params.simd, constants.two_wheeler_distance_factor),
             splat(params.simd, 1.0),
         );
+        // The coefficient of variation times a random process of unit variance.
         let distance_error = params.simulations.oncoming_error * state.noise.distance_error[slot];
         let distance_factor = exp(distance_error) * size_factor;
         let believed_gap = gap + gap * ((distance_factor - 1.0) * looming.error_share);

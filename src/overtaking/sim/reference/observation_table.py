@@ -142,7 +142,7 @@ def _believed_motion(
 
     In the profile of the study by Pinto et al. (2023) the ego changes lanes by that study's script,
     which decides by the true closing speed to the leader: by its belief the ego would pull out too
-    late. There the column shows the true speed too.
+    late. The column of such an ego shows the true speed too.
     """
     beliefs, ego = context.beliefs, EGO_SLOT
     is_detected, closing_speed = beliefs.is_detected[role, ego], beliefs.closing_speed[role, ego]

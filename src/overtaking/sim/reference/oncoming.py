@@ -2,8 +2,8 @@
 
 Each vehicle has a frame of coordinates of its own direction of travel. In it stations grow ahead,
 lateral positions grow to the left, the overtaking side, lane 0 is the lane of that direction, and
-the opposing lane is on the left. Each vehicle has a slot, its number in the simulation. A driver's
-leader is the vehicle ahead of it in its direction.
+the opposing lane is on the left. Each vehicle has a slot, its number in the simulation; a slot is
+empty where `valid` is 0. A driver's leader is the vehicle ahead of it in its direction.
 """
 
 from dataclasses import dataclass
@@ -222,11 +222,11 @@ def update_time_in_view(
     slot_in_view = np.where(sighting.is_visible, sighting.slot, NO_SLOT)
     # `decision` is the time between two decisions [s].
     longer_time = attention.oncoming_time_in_view[lanes] + constants.decision
-    time = np.where(slot_in_view == attention.oncoming_slot[lanes], longer_time, ZERO)
+    time_in_view = np.where(slot_in_view == attention.oncoming_slot[lanes], longer_time, ZERO)
     # Drivers have watched the traffic before the first frame.
     is_first_look = attention.oncoming_slot[lanes] == NEVER_LOOKED
     attention.oncoming_time_in_view[lanes] = np.where(
-        is_first_look, constants.initial_time_in_view, time
+        is_first_look, constants.initial_time_in_view, time_in_view
     )
     attention.oncoming_slot[lanes] = slot_in_view
 
@@ -235,8 +235,8 @@ def _is_certain(state: State, params: StepParameters, sighting: Sighting, lanes:
     """Whether each driver has looked long enough to know if a vehicle is coming.
 
     The time in view counts for the vehicle in view, or for the view without a vehicle. Recognising
-    an empty road takes as long as detecting a clearly visible vehicle, so no driver
-    pulls out the moment a bend or a truck stops hiding the road.
+    an empty road takes as long as detecting a clearly visible vehicle, so no driver pulls out the
+    moment a bend or a truck stops hiding the road.
     """
     needed_time = np.where(
         sighting.is_visible,
@@ -303,8 +303,9 @@ def _believed_gap(
     """
     is_two_wheeler = value_at_slot(params.vehicles.two_wheeler, slot) > 0
     size_factor = np.where(is_two_wheeler, params.constants.two_wheeler_distance_factor, ONE)
-    error = exp(params.simulations.oncoming_error * state.noise.distance_error)
-    return gap + gap * ((error * size_factor - ONE) * looming.error_share)
+    # The coefficient of variation times a random process of unit variance.
+    error_factor = exp(params.simulations.oncoming_error * state.noise.distance_error)
+    return gap + gap * ((error_factor * size_factor - ONE) * looming.error_share)
 
 
 def _believed_closing_speed(
