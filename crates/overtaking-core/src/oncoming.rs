@@ -29,9 +29,9 @@ use crate::vehicle_handle::VehicleHandle;
 /// Smallest closing speed, which keeps the time until vehicles meet finite [m/s].
 const MIN_CLOSING_SPEED: f32 = 0.1;
 
-/// Index in `Attention::oncoming_slot` of the nearest oncoming vehicle in any lane.
+/// Index in `Attention::oncoming_slot` and `oncoming_time_in_view` of the nearest oncoming vehicle in any lane.
 const IN_ANY_LANE: usize = 0;
-/// Index in `Attention::oncoming_slot` of the nearest oncoming vehicle in the driver's own lane.
+/// The same index of the nearest oncoming vehicle in the driver's own lane.
 const IN_OWN_LANE: usize = 1;
 
 /// An oncoming vehicle ahead of a driver, and the driver's beliefs about it.
@@ -402,7 +402,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         min(min(by_road, past_leader), params.simulations.oncoming_sight)
     }
 
-    /// The oncoming vehicle of this driver, without one in simulations in which this slot is empty.
+    /// `oncoming`, but no vehicle in simulations in which the driver's slot is empty.
     #[inline(always)]
     fn where_vehicle_exists(self, oncoming: NearestOncoming<S>) -> NearestOncoming<S> {
         let (simd, exists) = (self.params.simd, self.vehicle().valid.simd_gt(0.0));
@@ -498,7 +498,8 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
 
     /// Compute the views and the sets of slots at this decision.
     ///
-    /// A vehicle is in a lane that its body overlaps by more than `corridor_margin`.
+    /// A vehicle is in a lane that its body overlaps by more than `corridor_margin`. `bodies` say whether each vehicle
+    /// visibly changes lanes.
     #[inline(always)]
     pub fn update(
         &mut self,
@@ -508,6 +509,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
     ) {
         let (constants, road) = (&params.constants, &params.road);
         let simd = params.simd;
+        // Edges of lane 0 and of the road, moved inwards by the margin.
         let right_edge = splat(simd, road.boundaries[0] + constants.corridor_margin);
         let lane_0 = (
             right_edge,
@@ -529,8 +531,9 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
                 s: road.directions.length - state.motion.s[j],
                 right_side: d - vehicle.half_width,
                 left_side: d + vehicle.half_width,
+                // Both directions count lanes from their own right.
                 lane: (road.num_lanes - 1) as f32 - state.lane_choice.lane[j],
-                on_road: valid,
+                on_road: valid, // Set below, by the sides of this view.
             };
             let is_in_opposing_lane =
                 view.overlaps(lane_0) | (bodies[j].visibly_changes_lane & view.lane.simd_eq(0.0));
@@ -592,7 +595,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
         if oncoming_slots == 0 {
             return [driver.where_vehicle_exists(nearest), in_own_lane];
         }
-        let (right_edge, left_edge) = lane_borders(params, lane, 0.0);
+        let (right_edge, left_edge) = lane_borders(params, lane, 0.0); // 0 selects the driver's own lane.
         let edges = (
             right_edge + params.constants.corridor_margin,
             left_edge - params.constants.corridor_margin,
