@@ -77,7 +77,7 @@ struct PassTimes<S: Simd> {
 
 /// Space beside a passing driver, between the two vehicles of its own lane.
 struct ReturnSpace<S: Simd> {
-    /// Gap to the leader plus gap to the follower [m].
+    /// Gap to the leader plus gap to the follower, without the driver's own length [m].
     size: F32<S>,
     /// Whether the space is smaller than the driver's usual demand.
     is_cramped: Mask<S>,

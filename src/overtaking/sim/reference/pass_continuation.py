@@ -94,7 +94,7 @@ class PassTimes(NamedTuple):
 class ReturnSpace(NamedTuple):
     """Space beside a passing driver, between the two vehicles of its own lane."""
 
-    size: F32  # Gap to the leader plus gap to the follower [m].
+    size: F32  # Gap to the leader plus gap to the follower, without the driver's own length [m].
     is_cramped: Mask  # Whether the space is smaller than the driver's usual demand.
 
 
@@ -111,9 +111,9 @@ def decide_pass_continuation(
     - If its centre is past the target's centre and it has no time for the next vehicle, it returns
       between the two. If the space between them is too small, or falling back is quicker than
       gaining the distance that it still lacks to return ahead of the target, it aborts.
-    - It returns urgently if little time would be left, and then accepts a small gap. A driver that
-      heeds solid lines also returns urgently if it would otherwise cross one, but keeps its usual
-      gap.
+    - It returns urgently, and accepts a small gap, if little time would be left after the pass, or
+      if the space between the two is less than its usual demand. A driver that heeds solid lines
+      also returns urgently if it would otherwise cross one, but keeps its usual gap.
     """
     assert context.oncoming is not None, "one-way roads have no oncoming traffic"
     vehicle = params.vehicles.at_slots(slots)
