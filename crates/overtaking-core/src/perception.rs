@@ -256,7 +256,8 @@ pub fn sight_range_ratio<S: Simd, const N: usize>(
 
 /// Time in view until a driver detects a vehicle [s].
 ///
-/// It grows with the sight range ratio, to 2.5 times as long at the limit of sight. The third power is a choice.
+/// At the limit of sight, where the ratio is 1, it is longer by the factor 1 + `detection_growth`. The third power is a
+/// choice.
 #[inline(always)]
 pub fn detection_time<S: Simd, const N: usize>(params: &Params<S, N>, ratio: F32<S>) -> F32<S> {
     params.simulations.detection_time

@@ -240,8 +240,8 @@ def sight_range_ratio(
 def detection_time(params: StepParameters, ratio: F32) -> F32:
     """Time in view until a driver detects a vehicle [s].
 
-    It grows with the sight range ratio, to 2.5 times as long at the limit of sight. The third power
-    is a choice.
+    At the limit of sight, where the ratio is 1, it is longer by the factor 1 + `detection_growth`.
+    The third power is a choice.
     """
     growth = params.constants.detection_growth * (ratio * ratio * ratio)
     return params.simulations.detection_time * (ONE + growth)
@@ -269,10 +269,12 @@ def detect(
         time_so_far = np.where(slot == known_slot, maximum(time_so_far, known_time), time_so_far)
     # Drivers have watched the traffic before the first frame.
     is_first_look = gaze.known_slots[role] == NEVER_LOOKED
-    time = np.where(is_first_look, constants.initial_time_in_view, time_so_far + added_time)
-    time = np.where(is_visible, time, ZERO)
+    time_in_view = np.where(is_first_look, constants.initial_time_in_view, time_so_far + added_time)
+    time_in_view = np.where(is_visible, time_in_view, ZERO)
     attention = state.attention
-    attention.time_in_view[role] = np.where(gaze.looks_at_role, time, attention.time_in_view[role])
+    attention.time_in_view[role] = np.where(
+        gaze.looks_at_role, time_in_view, attention.time_in_view[role]
+    )
     attention.slot_in_view[role] = np.where(gaze.looks_at_role, slot, attention.slot_in_view[role])
     is_seen_long_enough = attention.time_in_view[role] >= detection_time(params, ratio)
     return gaze.looks_at_role & is_visible & is_seen_long_enough
