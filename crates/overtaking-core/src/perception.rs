@@ -411,6 +411,7 @@ fn recall_motion<S: Simd, const N: usize>(
         let last = (N * SIMD_LANES * HISTORY_STRIDE - 1) as u32;
         *pair = history[(index[lane] as u32).min(last) as usize];
     }
+    // From pairs of station and speed to a vector of stations and one of speeds.
     F32::simd_from(simd, low).deinterleave(F32::simd_from(simd, high))
 }
 
@@ -481,11 +482,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         // A moving driver meets more rain drops.
         let air = simulation.fog_extinction
             + simulation.rain_extinction * (1.0 + state.motion.vx[slot] / constants.rain_speed);
-        let film_path = value_of_lane(
+        let path_factor = value_of_lane(
             &params.road.film_path[..params.road.num_lanes],
             state.lane_choice.lane[slot],
         );
-        let film = lane_film(params, film_path);
+        // Depth of the water on the driver's lane.
+        let film = lane_film(params, path_factor);
         let zero = splat(params.simd, 0.0);
         if film.simd_le(0.0).all_true() {
             return Extinction { air, spray: zero };
@@ -534,6 +536,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 }
 
 /// Update the beliefs of the driver in `slot` about its six neighbours, in `context.beliefs`.
+///
+/// `bodies` hold the intensity of each rear lamp: of the brighter one that is on, tail or stop lamp.
 ///
 /// Drivers watch the leader, and while they change lanes also the vehicles ahead on either side. They glance at the
 /// other neighbours when they check mirrors and adjacent lanes, and ignore them between two glances.
@@ -628,6 +632,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
             assign_where(&mut attention.time_in_view[slot][role], looks_at_role, zero);
             continue;
         }
+        // A function of its own, compiled for the SIMD features of the CPU.
         let is_detected = params.simd.vectorize(
             #[inline(always)]
             || {

@@ -111,7 +111,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
         }
     }
 
-    /// Move the recording in lane `source_lane` of another recorder, which has written as many tiles, into `lane`.
+    /// Move the recording in `source_lane` of another recorder, which has written as many tiles, into `lane`.
     pub fn take_over(&mut self, lane: usize, source: &mut Self, source_lane: usize) {
         debug_assert_eq!(self.tile_start, source.tile_start);
         self.out[lane] = source.out[source_lane].take();
@@ -177,6 +177,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
             }
         }
         if row + 1 == FRAMES_PER_TILE {
+            // A function of its own, compiled for the SIMD features of the CPU.
             simd.vectorize(
                 #[inline(always)]
                 || self.write_tile(params, tile),
