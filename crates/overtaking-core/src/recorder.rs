@@ -54,7 +54,7 @@ struct RecordedManoeuvre<'a, S: Simd> {
     roles: [usize; 3],
     /// Oncoming vehicle, which is recorded in place of the leader in the left lane; `None` to record that leader.
     oncoming: Option<&'a OncomingVehicle<S>>,
-    /// Index of this step of 10 ms.
+    /// Time of the manoeuvre in steps of 10 ms, in which the simulation counts time.
     step: u32,
 }
 

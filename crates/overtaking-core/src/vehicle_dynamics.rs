@@ -123,8 +123,9 @@ fn fiala_force<S: Simd>(
     velocity_along: F32<S>,
     max_force: F32<S>,
 ) -> TyreForce<S> {
+    // Slip over the slip from which the whole contact patch slides.
     let z = stiffness * velocity_across / (3.0 * max_force * velocity_along);
-    // Share of the contact patch that sticks; the rest slides.
+    // Share of the contact patch that sticks.
     let sticking_share = at_least(1.0 - z.abs(), 0.0);
     let size = max_force * (1.0 - sticking_share * sticking_share * sticking_share);
     TyreForce {
@@ -334,7 +335,7 @@ pub fn compute_step<S: Simd, const N: usize, const VARIES: bool>(
         let leaning_step = leaning_step(state, params, slot, accel_lon, &mid);
         motion_step = motion_step.replace_where(is_two_wheeler, leaning_step);
     }
-    motion_step.vx = at_least(motion_step.vx, 0.0);
+    motion_step.vx = at_least(motion_step.vx, 0.0); // Vehicles do not reverse.
     state
         .vehicle(params, slot)
         .stop_when_creeping(&mut motion_step);

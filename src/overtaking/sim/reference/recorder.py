@@ -169,7 +169,7 @@ class RecordedManoeuvre:
         kind: Kind of the manoeuvre.
         roles: Roles of the three vehicles, in the order of `PerceivedVehicle`: leader, new leader,
             new follower.
-        step: Index of this step of 10 ms.
+        step: Time of the manoeuvre in steps of 10 ms, in which the simulation counts time.
     """
 
     is_made: Mask

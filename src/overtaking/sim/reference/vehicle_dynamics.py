@@ -114,8 +114,9 @@ def fiala_force(
     Source:
         Fiala 1954; the brush form in Pacejka, Tyre and Vehicle Dynamics (2012), section 3.2.
     """
+    # Slip over the slip from which the whole contact patch slides.
     z = stiffness * velocity_across / (np.float32(3.0) * max_force * velocity_along)
-    # Share of the contact patch that sticks; the rest slides.
+    # Share of the contact patch that sticks.
     sticking_share = maximum(ONE - np.abs(z), ZERO)
     size = max_force * (ONE - sticking_share * sticking_share * sticking_share)
     force = np.where(z < 0, size, -size)
@@ -181,7 +182,7 @@ def advance_motion(
     accel_lon = (tyre_force - mid.resistance) * vehicles.inverse_mass
     on_two_wheels = _leaning_step(state, params, accel_lon, mid)
     motion_step = _select(vehicles.two_wheeler > 0, on_two_wheels, on_four_wheels)
-    motion_step.vx = maximum(motion_step.vx, ZERO)
+    motion_step.vx = maximum(motion_step.vx, ZERO)  # Vehicles do not reverse.
     _stop_when_creeping(state, params, motion_step)
     _update_position(state, params, motion_step, step_length)
 
