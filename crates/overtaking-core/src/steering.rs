@@ -233,7 +233,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Largest difference of the wheel angle from the slip angle of the front axle, on the friction of this decision
     /// [rad].
     ///
-    /// Beyond this slip a larger wheel angle gives no more side force.
+    /// Beyond this slip a larger wheel angle gives hardly more side force.
     #[inline(always)]
     pub fn slip_reach(self) -> F32<S> {
         let (friction, slot) = (&self.state.friction_and_wind, self.slot);
@@ -289,8 +289,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let wind_trim = state.controls.wind_trim[slot];
         let angle = damped_accel * angle_per_accel + wind_trim;
 
-        // Beyond the slip angle `reach` a larger wheel angle gives no more side force; drivers steer a sliding vehicle
-        // into the slide.
+        // Beyond the slip angle `reach` a larger wheel angle gives hardly more side force; so drivers steer a sliding
+        // vehicle into the slide.
         let slip = (vy + vehicle.cg_front * yaw_rate) * inverse_speed;
         let reach = state.controls.slip_reach[slot];
         let limit = constants.steering_limit;

@@ -227,8 +227,8 @@ def _requested_steering(
     angle_per_accel = vehicles.wheelbase * (inverse_speed * inverse_speed) + vehicles.understeer
     angle = damped_accel * angle_per_accel + state.controls.wind_trim
 
-    # Beyond the slip angle `reach` a larger wheel angle gives no more side force; drivers steer a
-    # sliding vehicle into the slide.
+    # Beyond the slip angle `reach` a larger wheel angle gives hardly more side force; so drivers
+    # steer a sliding vehicle into the slide.
     slip = (vy + vehicles.cg_front * yaw_rate) * inverse_speed
     friction = state.friction_and_wind
     reach = (
