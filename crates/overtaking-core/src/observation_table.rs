@@ -8,8 +8,8 @@
 //! column.
 //!
 //! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
-//! computed together. `VehicleHandle` is a view of one vehicle of them, here the ego. `at_slot!` and `each_at_slot!`
-//! read values of the vehicle whose slot they get, or of slot 0 without a vehicle.
+//! computed together. `VehicleHandle` is a view of one vehicle of them, here the ego. `N` is the number of slots.
+//! `at_slot!` and `each_at_slot!` read values of the vehicle whose slot they get, or of slot 0 without a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

@@ -7,8 +7,9 @@
 //! direction.
 //!
 //! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
-//! computed together; comments call such an element a SIMD lane. `VehicleHandle` is a view of one slot in them.
-//! `at_slot!` and `each_at_slot!` read values of the vehicle whose slot they get, or of slot 0 without a vehicle.
+//! computed together; comments call such an element a SIMD lane. `VehicleHandle` is a view of one slot in them. `N` is
+//! the number of slots. `at_slot!` and `each_at_slot!` read values of the vehicle whose slot they get, or of slot 0
+//! without a vehicle.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

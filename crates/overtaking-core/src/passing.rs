@@ -5,8 +5,8 @@
 //! gap to the target that the driver leaves behind itself when it returns.
 //!
 //! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
-//! computed together. `VehicleHandle` is a view of one driver in them. `at_slot!` and `each_at_slot!` read values of
-//! the vehicle whose slot they get.
+//! computed together. `VehicleHandle` is a view of one driver in them. `N` is the number of slots, the vehicles that a
+//! simulation can have. `at_slot!` and `each_at_slot!` read values of the vehicle whose slot they get.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

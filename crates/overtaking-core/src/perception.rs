@@ -7,8 +7,9 @@
 //! visibly grows. A reaction delay is a number of decisions.
 //!
 //! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block of sixteen, which are computed
-//! together; such an element is a SIMD lane. `VehicleHandle` is a view of one driver in them. `at_slot!` and
-//! `each_at_slot!` read values of the vehicle whose slot they get, or of slot 0 without a vehicle.
+//! together; such an element is a SIMD lane. `VehicleHandle` is a view of one driver in them. `N` is the number of
+//! slots, the vehicles that a simulation can have. `at_slot!` and `each_at_slot!` read values of the vehicle whose slot
+//! they get, or of slot 0 without a vehicle.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x16};

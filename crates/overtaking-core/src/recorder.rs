@@ -7,8 +7,9 @@
 //! together. A vehicle's *slot* is its number in the simulation; some slots of a simulation may be empty. The slot 255
 //! stands for no vehicle. In the state, left is the overtaking side.
 //!
-//! A block consists of up to sixteen simulations that are computed together. Values of type `F32<S>` and `Mask<S>` have
-//! one element for each; `lane` is the index of a simulation in them, a SIMD lane, except in `state_words`.
+//! A block consists of up to sixteen simulations that are computed together. `N` is the number of slots. Values of type
+//! `F32<S>` and `Mask<S>` have one element for each; `lane` is the index of a simulation in them, a SIMD lane, except
+//! in `state_words`.
 
 pub(crate) mod frame_tiles;
 pub(crate) mod output;

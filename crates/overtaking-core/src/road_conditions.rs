@@ -6,7 +6,8 @@
 //! overtaking side. `travel_sign` (1 along the road, -1 against it) converts signs between the two.
 //!
 //! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
-//! computed together; such an element is a SIMD lane. `VehicleHandle` is a view of one vehicle slot in them.
+//! computed together; such an element is a SIMD lane. `VehicleHandle` is a view of one vehicle in them. `N` is the
+//! number of slots, the vehicles that a simulation can have.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

@@ -6,8 +6,8 @@
 //! 0.05 s; a *step* of the motion lasts as long or less.
 //!
 //! Values of type `F32<S>` and `Mask<S>` have one element for each simulation of a block, the simulations that are
-//! computed together. `VehicleHandle` is a view of one vehicle slot in them. The flag `VARIES` is whether the road
-//! bends, rises or has several speed limits.
+//! computed together. `VehicleHandle` is a view of one vehicle in them. `N` is the number of slots, the vehicles that a
+//! simulation can have. The flag `VARIES` is whether the road bends, rises or has several speed limits.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

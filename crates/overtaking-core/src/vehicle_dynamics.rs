@@ -8,8 +8,8 @@
 //! Velocities are in the vehicle's axes: `vx` ahead, `vy` to the left. Lateral positions, forces, angles and yaw rates
 //! are positive to the left. A wreck is a vehicle that has collided or has left the road. Values of type `F32<S>` and
 //! `Mask<S>` have one element for each simulation of a block, the simulations that are computed together;
-//! `VehicleHandle` is a view of one vehicle slot in them. The flag `VARIES` is whether the road bends, rises or has
-//! several speed limits.
+//! `VehicleHandle` is a view of one vehicle in them. `N` is the number of slots, the vehicles that a simulation can
+//! have. The flag `VARIES` is whether the road bends, rises or has several speed limits.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
