@@ -1,9 +1,9 @@
 """Whether drivers pass against oncoming traffic: distance, time and sight distance needed.
 
 The leader is the vehicle ahead in a driver's lane, the target the vehicle that it overtakes. The
-return gap is the gap to the target that the driver leaves behind itself when it returns. The ego
-and the others decide by the same rules; `slots` selects the rows of arrays of shape (vehicle,
-simulation).
+return gap is the gap to the target that the driver leaves behind itself when it returns. A slot is
+the number of a vehicle in its simulation. The ego, the vehicle under study, and the others decide
+by the same rules; `slots` selects the rows of arrays of shape (vehicle, simulation).
 """
 
 from dataclasses import dataclass

@@ -4,7 +4,7 @@ A *role* is one of six places around a driver: the leaders and followers in its 
 the right lane. Left is the overtaking side, and lateral distances are positive to the left. A
 driver *watches* a role at every decision, 20 a second, or *glances* at it when it checks its
 mirrors. A vehicle *looms* to a driver while its image visibly grows. A reaction delay is a number
-of decisions.
+of decisions, a slot the number of a vehicle in its simulation.
 """
 
 from dataclasses import dataclass
