@@ -87,6 +87,9 @@ EQUIVALENT = {
     "if lane«.simd_eq(0.0).all_true() {": (
         "drivers outside their lane overtake and meet no vehicle in it; others search more slots"
     ),
+    "let accepts_every_gap = params.vehicles[EGO_SLOT].gap_demand_factor«.simd_le(0.0);": (
+        "a factor of 0 passes both comparisons, and egos with a larger one only search more slots"
+    ),
     "return sincos_reduced(x «+ 0.0);": "only the sign of a zero changes",
     "a«.simd_lt(b).select(a, b)": "only for other CPUs than x86",
     "a«.simd_gt(b).select(a, b)": "only for other CPUs than x86",

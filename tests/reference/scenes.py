@@ -65,6 +65,7 @@ class Written:
         effects: Ablations.
         kind: What the moves are, as in `Actions`.
         ring: Length after which the road closes on itself; None if it does not [m].
+        first: Number of the first simulation, which decides its random numbers.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Written:
     effects: EnabledEffects | None = None
     kind: str = "decision"
     ring: float | None = None
+    first: int = 0
     switch: None = None
     profile: str = "by hand"
 
@@ -84,13 +86,19 @@ class Written:
 
     def scenario(self, count: int) -> Scenario:
         """The first `count`; all of them again, with other random numbers, where there are less."""
-        chosen = [self.scenes[k % self.share] for k in range(count)]
+        index = range(self.first, self.first + count)
+        scenes = [self._scene(k) for k in index]
         return scenario(
-            *(one.vehicles for one in chosen),
+            *(scene.vehicles for scene in scenes),
             road=self.road,
-            weather=[one.weather for one in chosen],
+            weather=[scene.weather for scene in scenes],
             horizon=self.horizon,
+            index=index,
         )
+
+    def _scene(self, index: int) -> Scene:
+        """The scene of the simulation with a number."""
+        return self.scenes[(index - self.first) % self.share]
 
     def run(self, scenario: Scenario, run: Run) -> Trajectories:
         """Simulate scenarios of this with `engine.run` or `reference.run`."""
@@ -104,7 +112,7 @@ class Written:
         decisions = round(DECISIONS_PER_SECOND * self.horizon)
         values = np.zeros((scenario.num_simulations, decisions, MAX_ACTION_PARTS), np.int32)
         for row, index in zip(values, scenario.scenario_index, strict=True):
-            for time, *steps in self.scenes[int(index) % self.share].moves:
+            for time, *steps in self._scene(int(index)).moves:
                 row[round(DECISIONS_PER_SECOND * time) :, : len(steps)] = steps
         return Actions(kind=self.kind, values=values)
 
@@ -115,7 +123,7 @@ class Written:
             given = with_ring(given, np.full_like(scenario.horizon, self.ring))
         vehicle = given.vehicle_table.copy()
         for row, index in enumerate(scenario.scenario_index):
-            for slot, one in enumerate(self.scenes[int(index) % self.share].vehicles):
+            for slot, one in enumerate(self._scene(int(index)).vehicles):
                 for name in one.driver.keys() & set(VEHICLE_FIELDS):
                     vehicle[VEHICLE_FIELDS.index(name), slot, row] = one.driver[name]
         return dataclasses.replace(given, vehicle_table=vehicle)
@@ -322,6 +330,18 @@ def pair(
 def along(s: float, speed: float = 18.0, kind: str = "L", **driver: float) -> Vehicle:
     """Who drives the same way as the ego."""
     return Vehicle(kind=kind, s=s, speed=speed, driver={"desired_speed": speed} | driver)
+
+
+def brakes_behind_the_next() -> Scene:
+    """While the ego passes, it would have to brake behind the next vehicle before an oncoming one.
+
+    Only with some random numbers, such as those of simulation 235, does it matter that braking
+    shortens the gap to the next vehicle.
+    """
+    return Scene(
+        name="the ego would have to brake behind the next vehicle",
+        vehicles=pair(25.0, oncomer(1800.0, 65.0)),
+    )
 
 
 def meetings() -> Iterable[Scene]:
@@ -680,6 +700,13 @@ WRITTEN = (
     Written(name="hidden alone", road=wide_road(lanes=3), scenes=(hidden(),), horizon=8.0),
     Written(name="comes in alone", road=two_way(), scenes=(comes_in(),), horizon=6.0),
     Written(name="doubts alone", road=two_way(), scenes=(doubts(),), horizon=12.0),
+    Written(
+        name="brakes behind the next vehicle",
+        road=two_way(),
+        scenes=(brakes_behind_the_next(),),
+        horizon=14.0,
+        first=235,
+    ),
     Written(name="given up by hand", road=two_way(), scenes=tuple(given_up()), horizon=9.0),
     Written(
         name="steered by hand",

@@ -55,6 +55,19 @@ ROUGH = {
 }
 """Storm, standing water, fog, reckless drivers close together: collisions, aborts, aquaplaning."""
 
+BRANCHED = {
+    "time.horizon_s": 15.0,
+    "traffic.vehicles": [2, 5],
+    "starts.allow_doomed": True,
+    "drivers.fixed": {
+        "return_time_gap_s": 0.2,
+        "gap_demand_factor": 1.2,
+        "time_gap_s": 1.8,
+        "safe_decel_mps2": 0.3,
+    },
+}
+"""Egos that pull out late and return early, so that a forced decision changes much."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Situation:
@@ -205,11 +218,7 @@ SITUATIONS = (
         share=24,
         switch=100,
         numbers=(1099511627976, 1099511627952, 1099511627811),
-        overrides={"time.horizon_s": 15.0, "traffic.vehicles": [2, 5], "starts.allow_doomed": True}
-        | {
-            "drivers.fixed": {"return_time_gap_s": 0.2, "gap_demand_factor": 1.2, "time_gap_s": 1.8}
-            | {"safe_decel_mps2": 0.3}
-        },
+        overrides=BRANCHED,
     ),
     Situation(
         name="gap",
@@ -249,6 +258,16 @@ FURTHER = (
         overrides={"time.horizon_s": 12.0, "time.attempt_deadline_s": 12.0},
     ),
     Situation(
+        name="all forced",
+        seed=5,
+        share=16,
+        switch=100,
+        # One simulation fills a whole block: where another driver of the block checks its mirrors,
+        # the engine searches all neighbours of this ego anyway.
+        numbers=(1099511627868,) * 16,
+        overrides=BRANCHED,
+    ),
+    Situation(
         name="two directions",
         profile="rural",
         road="rural",
@@ -274,8 +293,9 @@ FURTHER = (
         road="rural",
         winds=True,
         seed=13,
-        share=40,
+        share=41,
         switch=60,
+        numbers=(321,),
         placed=before_oncomers,
         overrides={"time.horizon_s": 4.5, "time.attempt_deadline_s": 4.0}
         | {"traffic.held_up": 1.0, "traffic.start_s_m": [350.0, 1000.0]}
