@@ -52,6 +52,26 @@ def test_who_turns_back_stays_there(browser: Browser, url: str, key: Any):
         assert page.evaluate("location.hash") == "#sim=3&t=0"
 
 
+def test_the_next_simulation_is_shown_after_the_list_has_failed(
+    browser: Browser, url: str, key: Any
+):
+    context = browser.new_context(storage_state=key)
+    page = context.new_page()
+    failure = {"status": 500, "json": {"error": "not now"}}
+    failures = [failure, failure]  # At the start, and when simulation 3 has come.
+    page.route(
+        "**/rows",
+        lambda route: route.fulfill(**failures.pop()) if failures else route.continue_(),
+    )
+    page.goto(url.partition("#")[0] + "#sim=3")
+    page.wait_for_selector(".board")
+    settle(page)
+    page.keyboard.press("j")
+    shows(page, 4)
+    assert failures == []
+    context.close()
+
+
 def test_the_last_of_two_that_are_put_beside_is_shown(browser: Browser, url: str, key: Any):
     with at(browser, url, key, "#sim=3&t=1") as page:
         held = Held(page, re.compile(r"/runs/\d+$"))

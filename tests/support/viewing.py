@@ -78,7 +78,8 @@ class Held:
             if len(self._routes) >= count:
                 return
             self._page.wait_for_timeout(20)
-        raise TimeoutError(f"{len(self._routes)} of {count} requests of {self._path}")
+        shown = self._page.evaluate("[location.href, document.title, document.body.innerText]")
+        raise TimeoutError(f"{len(self._routes)} of {count} requests of {self._path}: {shown}")
 
     def let_go(self, place: int = 0) -> None:
         """Let one be answered, and wait until the page has the answer."""

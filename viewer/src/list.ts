@@ -94,7 +94,7 @@ export function list(source: Source, store: Store, all: Overview): List {
     beside: async (way) => {
       const { sim } = store.state;
       await latest;
-      if (listed && sim !== null && !has(sim)) await askBusy(sim); // Its part has not come yet.
+      if (sim !== null && !has(sim)) await askBusy(sim); // The list failed, or is another part.
       if (!listed) return undefined;
       const place = listed.rows.findIndex((one) => one.number === store.state.sim);
       const next = listed.rows[place + way];
