@@ -1,9 +1,13 @@
 """Criteria about ego and target side by side: side, lateral distance, speed of the target.
 
-A `Case` is a batch of simulations with one ego each. `alongside(case)` has all frames in which ego
-and target overlap along the road, with the row of the simulation. Lane 0 is the slowest. In
-`ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed. The docstring
-of the package `criteria` explains these terms in full, `rule.Criterion` describes the methods.
+A `Case` is a batch of simulations with one ego each; the target is the vehicle that it overtakes. A
+`BreachContext` has the one simulation of its breach, at index 0. `alongside(case)` has all frames
+in which ego and target overlap along the road, with the row of the simulation, the lane and the
+acceleration of the target, and the gap between the sides. Its `finding` takes the smallest margin
+of each simulation. The attempt is the frame in which the ego begins to move left. Lane 0 is the
+slowest, and left is the overtaking side, also in left-hand traffic. In `ERROR_FORMULA`, sp and sv
+are the standard deviations of a position and of a speed. The docstring of the package `criteria`
+explains these terms in full, `rule.Criterion` describes the methods.
 """
 
 from dataclasses import dataclass
@@ -37,7 +41,7 @@ from overtaking.labels.snapshots import (
 from overtaking.model.verdicts import Case, Finding
 
 _SPEED_RESOLUTION = np.float32(1e-3)
-"""One step of recorded speed, so that a share of a start from rest is finite [m/s]."""
+"""One step of recorded speed, the smallest divisor of a share: an ego may start from rest [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,8 +119,8 @@ class PassingSide(Criterion):
 
         The centres of ego and target determine their lanes, so the number of lanes between them is
         uncertain where a centre is near a border. For a breach, one frame with certain lanes
-        suffices: the one with the largest distance to a border decides. Without a breach, the lanes
-        must be certain in all frames, and the smallest distance decides.
+        suffices: the largest distance to a border in the frames of the breach decides. Without a
+        breach, the lanes must be certain in all frames, and the smallest distance decides.
         """
         frames_alongside = alongside(case)
         simulation, frame = frames_alongside.simulation, frames_alongside.frame
@@ -181,7 +185,10 @@ def _distance_to_border(case: Case, frames_alongside: Alongside) -> F32:
     """Distance from the nearer centre of ego and target to a lane border, shape (instant,) [m]."""
     simulation, frame = frames_alongside.simulation, frames_alongside.frame
     road = case.trajectories.road
+    # Lateral positions of signals grow to the left; the sign, -1 in left-hand traffic, mirrors the
+    # road likewise.
     borders = (road.overtaking_sign * road.lane_boundaries).astype(np.float32)
+    # Simulations without a target, where the ego stands for it, have no frames alongside.
     target_slot = slot_or_ego(case.target.slot)[simulation]
     ego_position = case.signals.lateral_position[simulation, frame]
     target = VehicleInstants(simulation, target_slot, frame)

@@ -1,13 +1,14 @@
 """Criteria about the distance to the vehicle ahead.
 
-A `Case` is a batch of simulations with one ego each. `judged_span` lasts from 3 s before the
-attempt to overtake to 3 s after the return; without an attempt it has all driven frames.
-`span_after_gap_recovery` leaves out the first 3 s of the recording, in which a driver may restore a
-gap. A belief is the margin that follows from what the driver perceived at a decision; `belief_at`
-compares it with the true margin. In `ERROR_FORMULA`, sp and sv are the standard deviations of a
-position and of a speed, t and b the reaction time and the deceleration of the safe distance, v and
-u the speeds of the vehicles behind and ahead. The docstring of the package `criteria` explains
-these terms in full, `rule.Criterion` describes the methods.
+A `Case` is a batch of simulations with one ego each; a `BreachContext` has the one simulation of
+its breach, at index 0. `judged_span` lasts from 3 s before the attempt to overtake to 3 s after the
+return; without an attempt it has all driven frames. `span_after_gap_recovery` leaves out the first
+3 s of the recording, in which a driver may restore a gap; `is_regaining_gap` marks the 3 s after
+the leader cut in. A belief is the margin that follows from what the driver perceived at a decision;
+`belief_at` compares it with the true margin. In `ERROR_FORMULA`, sp and sv are the standard
+deviations of a position and of a speed, t and b the reaction time and the deceleration of the safe
+distance, v and u the speeds of the vehicles behind and ahead. The docstring of the package
+`criteria` explains these terms in full, `rule.Criterion` describes the methods.
 """
 
 from collections.abc import Mapping
@@ -110,7 +111,7 @@ class SafeDistance(Criterion):
     def check(self, case: Case) -> Finding:
         """The smallest margin over all judged frames decides."""
         conditions = {PerceivedVehicle.LEADER: margin_to_leader}
-        # The engine's minimum of `margin_to_leader`, without frames just after a cut-in.
+        # `scans` has the minimum of `margin_to_leader`, without frames just after a cut-in.
         return finding_of_minimum(
             scans(case).following,
             span_after_gap_recovery(case),
@@ -125,6 +126,8 @@ class SafeDistance(Criterion):
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
         """Error of the gap in the frame with the smallest margin [m]."""
 
+        # `deciding_frame` seeks the margin of the finding. Frames just after a cut-in stay in: only
+        # by chance do they have this margin.
         def margin(simulation: IndexArray, frame: IndexArray) -> F32:
             leader = encounters_at(case, _LEADER, simulation, frame)
             decel = decel_for_safe_distance(case.signals.friction[simulation, frame])
@@ -329,6 +332,7 @@ class FinedTimeDistance(Criterion):
         """
         speed, span = case.signals.speed + error_of_speed, span_after_gap_recovery(case)
         is_judged = _has_settled_leader(case) & (speed > self.min_speed.f32)
+        # The time with a small gap is counted from the begin of the span at the earliest.
         is_judged &= span.mask(np.arange(len(speed)), speed.shape[1])
         gap = case.signals.gap[:, _LEADER] + error_of_gap
         is_too_near = is_judged & (gap < self._min_gap(speed))

@@ -95,7 +95,8 @@ class IndicatorUse(Criterion):
         simulation, frame = (
             np.concatenate(parts) for parts in zip(*unsignalled_instants, strict=True)
         )
-        # A frame that lacks the indicators of both crossings counts twice in this sum.
+        # Each crossing has a duty of its own, so a frame that lacks the indicators of both counts
+        # twice in the margin. The frames of the breach list it once.
         num_unsignalled = np.bincount(simulation, minlength=len(crossing)).astype(np.int32)
         # `breach_frames` takes each instant once, in order, but the frames of the two crossings
         # overlap in a short overtake. A pair of simulation and frame is sorted as one number:
@@ -104,13 +105,13 @@ class IndicatorUse(Criterion):
         instants = np.sort(simulation * num_frames + frame, kind="stable")
         is_new = np.diff(instants, prepend=-1) > 0
         simulation, frame = np.divmod(instants[is_new], num_frames)
-        first, last, longest = breach_frames(simulation, frame, len(crossing))
+        first, last, num_run_frames = breach_frames(simulation, frame, len(crossing))
         return finding_from_margins(
             (crossing != NEVER) | (return_crossing != NEVER),
             -seconds_of(case, num_unsignalled),
             first,
             last,
-            longest=longest,
+            longest=num_run_frames,
         )
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -151,8 +152,9 @@ def _first_frame_over_return_line(case: Case) -> I32:
     begin = events.return_begin
     end = np.where(events.return_end != NEVER, events.return_end, events.last)
     span = FrameSpan(first=np.where(begin != NEVER, begin, end + 1), last=end)
-    # Lane `num_lanes`, beyond the driving lanes, has the last border on its right. `minimum` maps
-    # the code 255, beyond the slow edge, to an index that exists.
+    # Border k is on the right of lane k. A lane code of `num_lanes` or more is a place left of the
+    # driving lanes, with the last border on its right. The exception is 255, beyond the slow edge:
+    # it only needs an index that exists, because the ego is farthest left as a return begins.
     lane = np.minimum(at_frame(case.signals.lane, begin), road.num_lanes)
     border = (road.overtaking_sign * road.lane_boundaries).astype(np.float32)[lane]
     # The border is a lower limit of the right side: the first frame below it is the crossing.
@@ -205,12 +207,16 @@ class Lamps(Criterion):
         row, frame = np.nonzero((lights[simulation] & _HIGH_BEAM) != 0)
         if row.size:
             is_wrong[row, frame] |= self._dazzles(case, simulation[row], frame)
-        first, last, longest = breach_frames_in(span, simulation, is_wrong)
+        first, last, num_run_frames = breach_frames_in(span, simulation, is_wrong)
         num_wrong_frames = np.zeros(len(lights), np.int32)
         is_breach = is_wrong & span.mask(simulation, lights.shape[1])
         num_wrong_frames[simulation] = is_breach.sum(axis=1, dtype=np.int32)
         return finding_from_margins(
-            span.is_nonempty, -seconds_of(case, num_wrong_frames), first, last, longest=longest
+            span.is_nonempty,
+            -seconds_of(case, num_wrong_frames),
+            first,
+            last,
+            longest=num_run_frames,
         )
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -236,6 +242,7 @@ class Lamps(Criterion):
         """Whether high beam would dazzle the leader or an oncoming driver, shape (instant,)."""
         leader = encounters_at(case, NeighbourRole.LEADER, simulation, frame)
         dazzles_leader = leader.valid & (leader.gap < self.high_beam_min_gap.f32)
+        # `is_approaching` is true for oncoming vehicles that the ego has not yet met.
         others = other_vehicles_at(case.trajectories, frame.astype(np.int32), simulation)
         is_near = others.gap < self.high_beam_min_oncoming_gap.f32
         return dazzles_leader | (others.is_approaching & is_near).any(axis=1)

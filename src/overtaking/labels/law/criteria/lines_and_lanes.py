@@ -1,11 +1,13 @@
 """Criteria about lines, the width of lanes, and lanes that a class of vehicles may not use.
 
-A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
-`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time. `judged_span`
-lasts from 3 s before the attempt to overtake to 3 s after the return; without an attempt it has all
-driven frames. Lane 0 is the slowest; left is the overtaking side, also in left-hand traffic. In
-`ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed. The docstring
-of the package `criteria` explains these terms in full, `rule.Criterion` describes the methods.
+A `Case` is a batch of simulations with one ego each; a `BreachContext` has the one simulation of
+its breach, at index 0. An event is a frame of each simulation, `NEVER` (-1) without it; a span is
+the first and the last frame of a stretch of time. `judged_span` lasts from 3 s before the attempt
+to overtake to 3 s after the return; without an attempt it has all driven frames. Lane 0 is the
+slowest; left is the overtaking side, also in left-hand traffic, where `overtaking_sign` (-1)
+mirrors the lateral positions of the road. In `ERROR_FORMULA`, sp and sv are the standard deviations
+of a position and of a speed. The docstring of the package `criteria` explains these terms in full,
+`rule.Criterion` describes the methods.
 """
 
 from dataclasses import dataclass
@@ -94,9 +96,10 @@ class SolidLines(Criterion):
             _distances_to_border(case, rows, border, sides) + tolerance < 0
             for border, sides in solid_sides.items()
         ]
-        first, last, longest = breach_frames_in(span, rows, np.logical_or.reduce(is_over))
+        is_over_any = np.logical_or.reduce(is_over)
+        first, last, num_run_frames = breach_frames_in(span, rows, is_over_any)
         applies = span.is_nonempty & (min_margin < UNCONSTRAINED)
-        finding = finding_from_margins(applies, min_margin, first, last, longest=longest)
+        finding = finding_from_margins(applies, min_margin, first, last, longest=num_run_frames)
         if self.severity_between_directions is None:
             return finding
         # The line between the directions is the last border, and `distances` are in order.
@@ -135,7 +138,8 @@ def solid_borders(road: Road) -> dict[int, tuple[bool, bool]]:
     borders = {}
     for k in range(road.num_lanes + 1):
         from_right = k > 0 and marks[k - 1][1] in _SOLID_MARKS
-        if k == road.num_lanes:  # The last line may change along the road: see `is_solid_at`.
+        if k == road.num_lanes:
+            # The last line may change along the road: pairs of a station and the mark from there.
             from_right = any(mark in _SOLID_MARKS for _, mark in road.overtaking_edge_marks)
         from_left = k < road.num_lanes and marks[k][0] in _SOLID_MARKS
         if from_right or from_left:
@@ -157,8 +161,8 @@ def _min_distance_to_border(
     """Smallest `_distances_to_border` in a span, shape (simulation,) [m]."""
     signals, road = case.signals, case.trajectories.road
     position = as_f32(road.overtaking_sign * road.lane_boundaries)[border]
-    # The compiled minimum serves the edges of the road, where the distance depends on one side of
-    # the body only.
+    # The compiled minimum compares one side of the body with the border. That suffices at the first
+    # and the last border, where the distance stays negative beyond the border.
     if border == 0:
         return minimum_to_limit(signals.right_edge, position, span, is_most=False).min_margin
     if border == road.num_lanes and len(road.overtaking_edge_marks) == 1:
@@ -172,8 +176,10 @@ def _distances_to_border(
 ) -> F32:
     """Distance of the ego's body from a lane border, negative where the body is over it.
 
-    Beyond an edge of the road the distance stays negative. A line that is continuous for one side
-    counts only while the ego comes from this side.
+    Beyond the first and the last border of the driving lanes, that is, off the road or in the
+    opposing lane, the distance stays negative. Beyond any other border, the ego is in a lane, and
+    the distance is positive. A line that is continuous for one side counts only while the ego comes
+    from this side.
 
     Args:
         case: The batch.
@@ -262,7 +268,7 @@ class WidthForOvertaking(Criterion):
 def _left_lane_width(case: Case) -> F32:
     """Width of the driving lane left of the original lane, 0 without one, (simulation,) [m]."""
     road = case.trajectories.road
-    neighbour = road.overtaking_side_neighbour
+    neighbour = road.overtaking_side_neighbour  # The opposing lane, another strip, or None.
     is_driving_lane = neighbour is not None and neighbour.kind == "driving"
     width_beyond = neighbour.width if neighbour is not None and is_driving_lane else 0.0
     # Element k has the lane on the left of lane k, so lane 0 is left out. Codes of lanes beyond
@@ -317,8 +323,8 @@ class RightmostLanesForTrucks(Criterion):
         margin[rows] = num_open_lanes - HALF - fastest
         breaches = np.flatnonzero(margin[rows] < 0)
         is_in_closed_lane = lane[breaches] >= num_open_lanes
-        first, last, longest = breach_frames_in(span, rows[breaches], is_in_closed_lane)
-        return finding_from_margins(applies, margin, first, last, longest=longest)
+        first, last, num_run_frames = breach_frames_in(span, rows[breaches], is_in_closed_lane)
+        return finding_from_margins(applies, margin, first, last, longest=num_run_frames)
 
     ERROR_FORMULA: ClassVar[str] = "0.5 sp / distance from the border that decides"
 

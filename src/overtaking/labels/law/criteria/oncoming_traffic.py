@@ -1,12 +1,14 @@
 """Criteria about oncoming traffic on two-way roads.
 
-A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
-`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time.
-`opposing_lane_span` is the time of the ego in the opposing lane. In `ERROR_FORMULA`, sp and sv are
-the standard deviations of a position and of a speed, t and b the reaction time and the deceleration
-of the safe distance, v and u the speeds of the vehicles behind and ahead. The docstring of the
-package `criteria` explains these terms in full, `rule.Criterion` describes the methods. On roads
-with lanes of one direction, no rule of this module applies.
+A `Case` is a batch of simulations with one ego each; a `BreachContext` has the one simulation of
+its breach, at index 0. An event is a frame of each simulation, `NEVER` (-1) without it; a span is
+the first and the last frame of a stretch of time. `opposing_lane_span` is the time of the ego in
+the opposing lane. `OtherVehicles` has all vehicles at one frame of each simulation, shape
+(simulation, vehicle); `is_approaching` is true for oncoming vehicles that the ego has not yet met.
+In `ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed, t and b the
+reaction time and the deceleration of the safe distance, v and u the speeds of the vehicles behind
+and ahead. The docstring of the package `criteria` explains these terms in full, `rule.Criterion`
+describes the methods. On roads with lanes of one direction, no rule of this module applies.
 """
 
 from dataclasses import dataclass, replace
@@ -70,6 +72,8 @@ class GapAtReturn(Criterion):
     min_pet: Quantity = quantity(
         2.0, "s", why="A choice, above the post-encroachment times of conflicts, 1 to 1.5 s"
     )
+    # `only_two_way_roads` stays False: older tables of one-way roads have rows of this rule, and
+    # their contents must not change.
     unit: str = "m"
 
     def predicate(self) -> str:
@@ -318,7 +322,7 @@ class NoOncomingReaction(Criterion):
             return finding_not_applicable(case.signals.num_simulations)
         oncoming = self._nearest_oncoming(case)
         limit = ABRUPT_BRAKING.f32
-        # Along the heading of the vehicle: negative while it brakes.
+        # Acceleration along the heading of the vehicle at each instant: negative while it brakes.
         accel = as_f32(trajectories.states.accel_lon[oncoming]) * METRES_PER_MM
         margin = limit + accel
         has_left_lane = distance_over_outer_edge(case, oncoming) > LINE_TOLERANCE.f32
@@ -339,7 +343,7 @@ class NoOncomingReaction(Criterion):
             return single_change(
                 RemedyQuantity.EVASION,
                 actual=excursion[farthest],
-                needed=0.0,
+                needed=0.0,  # A choice: wholly in its lane, without the tolerance of `check`.
                 frame=frame[farthest],
                 slot=int(slot[farthest]),
             )
@@ -354,7 +358,8 @@ class NoOncomingReaction(Criterion):
     def _nearest_oncoming(self, case: Case) -> VehicleInstants:
         """The nearest oncoming vehicle in each frame of `opposing_lane_span`, in order.
 
-        Frames without a vehicle that is met within `max_meeting_time` are left out.
+        Frames without a vehicle that is met within `max_meeting_time` are left out. The result is
+        also an index into arrays of shape (simulation, vehicle, time).
         """
         simulation, frame = opposing_lane_span(case).instants()
         others = other_vehicles_at(case.trajectories, frame.astype(np.int32), simulation)
@@ -489,7 +494,8 @@ def _return_gap(case: Case) -> _ReturnGap:
     )
     is_passed = is_in_ego_lane & (others.ego_lead < 0) & is_behind_at_return
     foremost_passed = np.where(is_passed, others.ego_lead, np.inf).argmin(axis=1)
-    # An ego that aborts passes no vehicle: the gap ahead of its target is judged.
+    # An ego that aborts passes no vehicle: the gap ahead of its target is judged. Without a target
+    # the ego stands for it, and the gap is not judged.
     target = slot_or_ego(case.target.slot)
     follower = np.where(is_passed.any(axis=1), foremost_passed, target)
 

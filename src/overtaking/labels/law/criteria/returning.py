@@ -1,13 +1,13 @@
 """Criteria about the return to the original lane, and about keeping right.
 
-A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
-`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time. `scans(case)`
-has results of the compiled engine. A belief is the margin that follows from what the driver
-perceived at a decision; `belief_at` compares it with the true margin. In `ERROR_FORMULA`, sp and sv
-are the standard deviations of a position and of a speed, t and b the reaction time and the
-deceleration of the safe distance, v and u the speeds of the vehicles behind and ahead, dv is the
-closing speed. The docstring of the package `criteria` explains these terms in full,
-`rule.Criterion` describes the methods.
+A `Case` is a batch of simulations with one ego each; a `BreachContext` has the one simulation of
+its breach, at index 0. An event is a frame of each simulation, `NEVER` (-1) without it; a span is
+the first and the last frame of a stretch of time. `scans(case)` has results of the compiled engine.
+A belief is the margin that follows from what the driver perceived at a decision; `belief_at`
+compares it with the true margin. In `ERROR_FORMULA`, sp and sv are the standard deviations of a
+position and of a speed, t and b the reaction time and the deceleration of the safe distance, v and
+u the speeds of the vehicles behind and ahead, dv is the closing speed. The docstring of the package
+`criteria` explains these terms in full, `rule.Criterion` describes the methods.
 """
 
 from collections.abc import Callable, Mapping
@@ -160,6 +160,7 @@ class SafeReturn(Criterion):
             return _return_margin(case, follower, leader, ego_speed_error)
 
         error = _error_between_neighbours(margin, follower, leader, errors, is_first_ahead=False)
+        # Only a guard: without a vehicle the margin is a constant, so its error is 0 anyway.
         return zero_if_infinite(error)
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
@@ -193,6 +194,8 @@ def _return_margin(
     signals, frame = case.signals, case.events.return_end
     speed = at_frame(signals.speed, frame) + ego_speed_error
     decel = decel_for_safe_distance(at_frame(signals.friction, frame))
+    # The gap behind must also let the follower slow down without abrupt braking, so the limit on
+    # braking is a distance, too.
     margin_behind = entry_margin_behind(follower.gap, speed, follower.closing_speed, decel)
     margin_ahead = margin_to_leader(leader.gap, speed, leader.closing_speed, decel)
     return minimum(
@@ -205,9 +208,15 @@ def _return_margin(
 class ReturnDelay(Criterion):
     """After the pass, the ego does not stay out of its lane for long while it could return.
 
+    The ego could return in a frame if three conditions hold: the target is far enough behind, the
+    gaps ahead and behind in the lane to the right are large enough, and the ego would not reach a
+    vehicle in that lane within `RETURN_FREE_TIME`. The longest unbroken run of such frames counts.
+    Frames in the lane of oncoming traffic do not count.
+
     Attributes:
         max_delay: Longest lawful time in which the ego could return and does not.
-        opposing_lane_rule: Code of the rule of the same law about the lane of oncoming traffic.
+        opposing_lane_rule: Code of the rule of the same law that judges the return from the lane of
+            oncoming traffic, for the sentence of `predicate`.
     """
 
     max_delay: Quantity = quantity(
@@ -352,6 +361,7 @@ class RightLaneUse(Criterion):
         # Lane 0 has no lane to its right, and beyond the last driving lane the ego is in the lane
         # of oncoming traffic or off the road.
         has_right_lane = (lane > 0) & (lane < case.trajectories.road.num_lanes)
+        # The last driven frame is before the first where the recording begins with an accident.
         applies = has_right_lane & (last_driven_frame(case) >= frame)
         # Where the rule does not apply, no gap is looked up.
         # `gap_in_right_lane` is a margin: the gap beyond the distances that a return needs.
@@ -364,7 +374,11 @@ class RightLaneUse(Criterion):
     )
 
     def standard_error(self, case: Case, finding: Finding, errors: MeasurementErrors) -> F32:
-        """Error of the gap in the lane to the right at the first frame [m]."""
+        """Error of the gap in the lane to the right at the first frame [m].
+
+        The needed gap ahead is the safe distance, or the distance by which the gap shrinks in
+        `RETURN_FREE_TIME` where this is larger; `ERROR_FORMULA` has both.
+        """
         del finding
         return _gap_in_right_lane_error(case, case.events.first, errors)
 

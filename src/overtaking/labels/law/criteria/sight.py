@@ -1,11 +1,13 @@
 """Criteria about the sight distance: stopping within it, and enough of it to overtake.
 
-A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
-`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time. `judged_span`
-lasts from 3 s before the attempt to overtake to 3 s after the return; without an attempt it has all
-driven frames. In `ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a
-speed, t and b the reaction time and the deceleration, v the speed of the ego. The docstring of the
-package `criteria` explains these terms in full, `rule.Criterion` describes the methods.
+A `Case` is a batch of simulations with one ego each; a `BreachContext` has the one simulation of
+its breach, at index 0. An event is a frame of each simulation, `NEVER` (-1) without it; a span is
+the first and the last frame of a stretch of time. `manoeuvre` lasts from 3 s before the attempt to
+overtake to 3 s after the return; `judged_span` is the same, and without an attempt all driven
+frames. A road without a `course` is straight and level. In `ERROR_FORMULA`, sp and sv are the
+standard deviations of a position and of a speed, t and b the reaction time and the deceleration, v
+the speed of the ego. The docstring of the package `criteria` explains these terms in full,
+`rule.Criterion` describes the methods.
 """
 
 from dataclasses import dataclass
@@ -160,8 +162,8 @@ class MinimumSightDistance(Criterion):
         """The frame with the smallest sight decides, or the line crossing on two-way roads."""
         span, road = _span_until_passed(case), case.trajectories.road
         if not (road.is_two_way or road.course or self.is_for_unlit_obstacles):
-            # A road without a course hides nothing, and the air is the same in all frames: one
-            # comparison serves a whole simulation, and a breach lasts for the whole span.
+            # Here only air limits the sight, equally in all frames: one comparison serves a whole
+            # simulation, and a breach lasts for the whole span.
             minimum = MarginMinimum(
                 min_margin=meteorological_range(case) - self.min_sight.f32,
                 first_frame=span.first,
@@ -291,7 +293,8 @@ def _required_passing_sight(case: Case, clearance_time: Quantity) -> F32:
     `_required_clear_time`.
 
     Source:
-        AASHTO (2018), section 3.2.4, in the form of a time on the left at both speeds.
+        AASHTO (2018), section 3.2.4. The distances of this source are written here as a time at
+        the sum of both speeds.
     """
     frame = _crossing_frame(case)
     closing_speed = at_frame(case.signals.speed, frame) + assumed_oncoming_speed(case, frame)

@@ -1,9 +1,10 @@
 """Criteria about the ego's speed: speed limits, lowest speed on motorways, speed in fog.
 
-A `Case` is a batch of simulations with one ego each. `judged_span` lasts from 3 s before the
-attempt to overtake to 3 s after the return; without an attempt it has all driven frames. In
-`ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed. The docstring
-of the package `criteria` explains these terms in full, `rule.Criterion` describes the methods.
+A `Case` is a batch of simulations with one ego each; a `BreachContext` has the one simulation of
+its breach, at index 0. `judged_span` lasts from 3 s before the attempt to overtake to 3 s after the
+return; without an attempt it has all driven frames. In `ERROR_FORMULA`, sp and sv are the standard
+deviations of a position and of a speed. The docstring of the package `criteria` explains these
+terms in full, `rule.Criterion` describes the methods.
 """
 
 from dataclasses import dataclass
@@ -145,7 +146,10 @@ class SpeedLimit(Criterion):
         return breach.remedy_slower_ego(breach.frames, highest_limit[0, breach.frames])
 
     def limit(self, case: Case) -> F32:
-        """The highest limit that may hold, in the frame in which the ego exceeds it most."""
+        """The highest limit that may hold, in the frame in which the ego exceeds it most [m/s].
+
+        Policies that tolerate an excess by a share of the speed need it.
+        """
         _, highest_limit = self.bounds(case)
         margin = highest_limit - case.signals.speed
         is_judged = judged_span(case).mask(np.arange(len(margin)), case.signals.num_frames)
@@ -324,7 +328,8 @@ class SpeedInFog(Criterion):
         is_weather_unknown = "weather" in case.trajectories.unknown
         has_short_range = meteorological_range(case) < self.max_range.f32
         applies = has_short_range | is_weather_unknown
-        # Without the half step of other limits: 50 km/h, recorded as 13.889 m/s, exceeds 50 km/h.
+        # Unlike in `SpeedLimit`, half a step of recorded speed is not added to this limit: here
+        # 50 km/h, recorded as 13.889 m/s, is a breach of 50 km/h.
         margin = self.max_speed.f32 - case.signals.speed
         finding = finding_over_span(
             np.where(applies[:, None], margin, UNCONSTRAINED), judged_span(case)

@@ -1,11 +1,13 @@
 """Criteria about the begin of an overtake, and about the vehicles that it must not endanger.
 
-A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
-`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time. A belief is
-the margin that follows from what the driver perceived at a decision; `belief_at` compares it with
-the true margin. In `ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a
-speed, dv is the closing speed. The docstring of the package `criteria` explains these terms in
-full, `rule.Criterion` describes the methods.
+A `Case` is a batch of simulations with one ego each; a `BreachContext` has the one simulation of
+its breach, at index 0. An event is a frame of each simulation, `NEVER` (-1) without it: the attempt
+is the begin of the movement to the left, and `line_crossed` follows. The new leader and follower
+are those in the lane on the left. A `GapMargin` is a function of gap, speed of the ego, closing
+speed and `decel_for_safe_distance`. A belief is the margin that follows from what the driver
+perceived at a decision; `belief_at` compares it with the true margin. In `ERROR_FORMULA`, sp and sv
+are the standard deviations of a position and of a speed, dv is the closing speed. The docstring of
+the package `criteria` explains these terms in full, `rule.Criterion` describes the methods.
 """
 
 from collections.abc import Mapping
@@ -151,7 +153,7 @@ class GapAhead(Criterion):
         return *larger_gap, *breach.remedy_slower_ego(frames, allowed)
 
     def _margin(self, gap: F32, speed: F32, closing_speed: F32, decel: F32) -> F32:
-        """`entry_margin_ahead` with the time to collision of this law [m]."""
+        """Gap minus the gap that safe distance and time to collision of this law require [m]."""
         return entry_margin_ahead(gap, speed, closing_speed, decel, self.min_ttc.f32)
 
 
@@ -245,8 +247,8 @@ def _finding_at_crossing(
 class CalmFollower(Criterion):
     """After a change of lane, the vehicle behind need not brake hard.
 
-    Unlike `GapBehind` it leaves the safe distance out, so it needs no weather, and it compares no
-    belief of the driver.
+    By choice it leaves out the safe distance that `GapBehind` requires, so it needs no weather. It
+    compares no belief of the driver.
 
     Attributes:
         manoeuvre: The pull-out, as the line is crossed, or the return, as it ends.

@@ -1,11 +1,12 @@
 """Criteria about places and signs that forbid to overtake.
 
 A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
-`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time.
-`overtaking_span` lasts from the line crossing until the target is passed and the ego back on its
-side. In `ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed. The
-docstring of the package `criteria` explains these terms in full, `rule.Criterion` describes the
-methods.
+`NEVER` (-1) without it; a span is the first and the last frame of a stretch of time. A zone is a
+place where the law restricts overtaking, such as a bend, a crossing or a stretch with a sign; zones
+belong to the `course` of a road, which may have none. `overtaking_span` lasts from the line
+crossing until the target is passed and the ego back on its side. In `ERROR_FORMULA`, sp and sv are
+the standard deviations of a position and of a speed. The docstring of the package `criteria`
+explains these terms in full, `rule.Criterion` describes the methods.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -331,16 +332,19 @@ def _zones_by_kind(
 
 
 def _zone_finding(case: Case, zones: _ForbiddenZones) -> Finding:
-    """Check that the ego does not overtake in these zones."""
+    """Check that the ego does not overtake in these zones.
+
+    The margin is the distance of the ego's front from the nearest zone, negative within it.
+    """
     span, margin = overtaking_span(case), distance_to_intervals(case, zones.intervals)
     applies = zones.applies & span.is_nonempty
     rows = np.flatnonzero(applies)
     is_in_span = span.mask(rows, margin.shape[1])
     min_margin = np.full(len(applies), UNCONSTRAINED)
     min_margin[rows] = np.where(is_in_span, margin[rows], UNCONSTRAINED).min(axis=1)
-    first, last, longest = breach_frames_in(span, rows, margin[rows] < 0)
+    first, last, num_run_frames = breach_frames_in(span, rows, margin[rows] < 0)
     is_judged = applies & (min_margin < UNCONSTRAINED)
-    return finding_from_margins(is_judged, min_margin, first, last, longest=longest)
+    return finding_from_margins(is_judged, min_margin, first, last, longest=num_run_frames)
 
 
 def _target_side_finding(case: Case) -> Finding:
