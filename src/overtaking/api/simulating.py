@@ -279,8 +279,9 @@ def drive(
             exact state, or a `Sensor`. Required with a function.
         action: Output of the function. `accel_lane` (None means this): acceleration and lane
             change; `speed_lane`: desired speed and lane change; `accel_steer`: acceleration and
-            wheel angle; `trajectory`: points to drive through; `decision`: a `Move`, such as to
-            pull out. `accel_move` and `accel_steer_signal` have the indicator as a further part.
+            wheel angle; `accel_steer_signal`: the same and a side for the indicator; `trajectory`:
+            points to drive through; `decision`: a `Move`, such as to pull out; `accel_move`:
+            acceleration and a `Move`, to whose side the indicator is set.
         action_repeat: Time for which an action holds, in units of 50 ms, 1 to 200; None for 1. The
             function is called again after it.
         simulator: A name in `MODEL_SIMULATORS`.

@@ -201,8 +201,8 @@ class Buffers:
         total_bytes = begins.pop()
         if self._layouts.get(name) != layouts:
             # The key of the memory is the layouts, so earlier values belong to arrays of the same
-            # names and shapes. The group's name is not part of it, so groups with equal layouts
-            # must be filled in the same way.
+            # names and shapes. They may belong to a group of another name, so groups with equal
+            # layouts must be filled in the same way.
             self._layouts[name], self._memory[name] = layouts, reused_bytes(layouts, total_bytes)
         memory = self._memory[name]
         return {

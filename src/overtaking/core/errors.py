@@ -288,8 +288,9 @@ def check_in_range(
         ConfigError: The number is smaller or larger, or NaN.
     """
     if not low <= value <= high:
-        # Not `out_of_range`, whose message has no unit. `:g` writes 0.0 as "0", but large limits as
-        # "1e+06", so a range has `:,`, which writes "1,000,000".
+        # Not `out_of_range`, whose message has no unit. A lower limit alone is small in all calls:
+        # `:g` writes 0.0 as "0". A range can end at a large number: `:,` writes "1,000,000" where
+        # `:g` would write "1e+06".
         at_least = f"{low:g} {unit}".strip() + " or more"
         raise ConfigError(
             what=what,

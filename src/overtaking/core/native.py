@@ -52,7 +52,7 @@ class PhiloxStream(random_numbers.PhiloxStream):
 
 
 # The engine replaces the numbers of an array by their function values, so the functions below pass
-# it a copy of their argument. Without axes, `reshape(-1)` makes an array of one element.
+# it a copy of their argument. Of an array without axes, `reshape(-1)` makes one of one element.
 
 
 def exp(x: F32Like) -> F32:

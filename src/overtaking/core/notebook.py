@@ -89,8 +89,8 @@ def display(*, html: str, text: str) -> bool:
 def _import_loaded(name: str) -> Any:
     """A module of IPython in a process that has loaded IPython already.
 
-    An ordinary import would load IPython in every process, and this package does not require it.
-    Type checkers run without it, so the type of the module is `Any`.
+    Not an `import` statement: this package does not require IPython, and type checkers, which run
+    without it, would report the statement. So the type of the module is `Any`.
     """
     return importlib.import_module(name)
 

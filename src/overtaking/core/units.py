@@ -112,12 +112,12 @@ _OTHER_SYMBOLS = {
     "kPa": ("Pa", 1000.0, 1.0),
     "kW": ("W", 1000.0, 1.0),
     "klx": ("lx", 1000.0, 1.0),
-    "deg": ("rad", math.pi, 180.0),
+    "deg": ("rad", math.pi, 180.0),  # In products such as `deg/s`, and for `si_unit`.
     "percent": ("1", 1.0, 100.0),
 }
 
 # Commands and the API convert these two units with the same functions, so that 120 km/h in a TOML
-# file and in a command have the same bits.
+# file and in a command have the same bits. These conversions precede the factors above.
 _SHARED_CONVERSIONS: dict[str, Callable[[float], float]] = {
     "km/h": mps_from_kmh,
     "deg": rad_from_deg,

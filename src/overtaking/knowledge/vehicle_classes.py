@@ -64,8 +64,8 @@ class VehicleClass:
         spray_factor: Spray thrown up from a wet road, relative to a car.
         lamp_separation: Distance between the rear position lamps; diameter of a single lamp [m].
         track_width: Distance between the front tyres; width of a two-wheeler's tyre [m].
-        motorway_limit: Speed limit of the class on Portuguese motorways [m/s]. Bicycles have the
-            limit of cars, although they are not allowed there.
+        motorway_limit: Speed limit of the class on Portuguese motorways [m/s]. Bicycles, which are
+            not allowed there, have the limit of the road.
     """
 
     name: str
