@@ -103,7 +103,7 @@ def generate_dataset(
         allow_large: Whether the data set may exceed 10 GB or 1,000,000 simulations; the limits are
             choices. Instead of True or False a function may decide: before anything is written, it
             gets the `Estimate` of size and time, and returns whether to go on. The estimate comes
-            from a sample of 64 simulations, with slow simulators fewer. A data set of less than 64
+            from a sample of 64 simulations, with slow simulators fewer. A data set smaller than 64
             such samples is begun without an estimate, which would take a good part of its time.
         progress: Called with the number of simulations that are done, and of all.
         on_candidates: Only with `balance`. Called with the number of candidates that were simulated

@@ -280,8 +280,9 @@ def import_recording(
         options: Each format has some of these; all may be left out, except `columns`.
             All: `speed_limit` [m/s], infinite for no limit, replaces the limit of the file.
             All but `pinto2023`: `attempts_only=True` omits vehicles that follow another and never
-            move left. `vehicles` is the largest number of vehicles of a simulation, 16 by default.
-            `smooth=True` smooths the tracks as Thiemann et al. (2008) did for NGSIM.
+            leave their lane towards the overtaking side. `vehicles` is the largest number of
+            vehicles of a simulation, 16 by default. `smooth=True` smooths the tracks as Thiemann et
+            al. (2008) did for NGSIM.
             All but `pinto2023` and `highd`: `driving_side` ("right", "left") replaces the side of
             the file.
             All but `commonroad` and `highd`: `road` is the road of the recording: a name, an
@@ -446,7 +447,8 @@ def trajectories_from_table(
             states.
         speed_limit: Speed limit of the road [m/s], infinite for no limit; replaces the limit that
             the map or the road states.
-        attempts_only: Whether vehicles that follow another and never move left are omitted.
+        attempts_only: Whether vehicles are omitted that follow another and never leave their lane
+            towards the overtaking side.
         vehicles: Largest number of vehicles of a simulation; vehicles that were never near the
             ego are omitted first.
         strict: Whether any finding is an error. (The policy `strict`, a set of rules of law, is

@@ -65,7 +65,7 @@ from overtaking.labels.law.judging import (
     choose_policy,
 )
 from overtaking.labels.law.judging import policies_of_law as policies_of_package
-from overtaking.labels.law.judging import undecidable_rules as rules_lacking
+from overtaking.labels.law.judging import undecidable_rules as undecidable_rules_of
 from overtaking.labels.law.measurement_errors import MeasurementErrors
 from overtaking.labels.law.portugal import PORTUGAL
 from overtaking.labels.law.rule import Pack
@@ -340,7 +340,7 @@ def undecidable_rules(unknown: Iterable[str]) -> dict[str, list[str]]:
         Codes of rules that are undecidable wherever they apply (`always`), and in some simulations
         (`sometimes`).
     """
-    return rules_lacking(PORTUGAL, unknown)
+    return undecidable_rules_of(PORTUGAL, unknown)
 
 
 @check_arguments

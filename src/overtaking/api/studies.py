@@ -216,8 +216,9 @@ def reproduce_study(
     Returns:
         For each number of the paper its position among the replicates, and whether the profile was
         fitted to it; also the weather that the paper's means imply for each class, and the shares
-        of the classes with other starts and other pushes by weather. `write_report` makes a page of
-        it.
+        of the classes under two other choices: whether a vehicle may start too fast and near behind
+        another for its brakes, and the strength of the pushes that stand for rain and wind.
+        `write_report` makes a page of it.
 
     Raises:
         ConfigError: There is no such study, or a number or seed cannot be used.

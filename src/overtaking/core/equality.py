@@ -13,8 +13,8 @@ import numpy as np
 
 _DTYPE_KINDS_WITH_NAN = "fcmM"
 """Values of `dtype.kind` of arrays that can hold NaN: float, complex, timedelta and datetime. The
-NaN of the last two is NaT (not a time). With `equal_nan`,
-`numpy.array_equal` raises an error for other kinds, such as text."""
+NaN of the last two is NaT (not a time). With `equal_nan`, `numpy.array_equal` raises an error for
+other kinds, such as text."""
 
 
 class ContentEquality:

@@ -94,8 +94,8 @@ def philox_words(
         seed: Seed of the data set, 0 <= seed < 2**64.
         scenario_index: Index of each scenario; broadcasts with `stream`.
         stream: A `Stream`, plus slots or roles for some purposes.
-        block_number: Block number in the stream, 0 <= block_number < 2**32. Draws at each decision
-            of a driver use the number of the decision, so they do not depend on earlier draws.
+        block_number: Block number in the stream, 0 <= block_number < 2**32. Draws at a decision of
+            a driver take the number of the decision, so they do not depend on earlier draws.
 
     Returns:
         The four words, each with the common shape of `scenario_index` and `stream`.

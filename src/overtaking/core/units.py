@@ -117,7 +117,7 @@ _OTHER_SYMBOLS = {
 }
 
 # Commands and the API convert these two units with the same functions, so that 120 km/h in a TOML
-# file and in a command have the same bits. These conversions precede the factors above.
+# file and in a command have the same bits. They take precedence over the factors above.
 _SHARED_CONVERSIONS: dict[str, Callable[[float], float]] = {
     "km/h": mps_from_kmh,
     "deg": rad_from_deg,

@@ -231,7 +231,7 @@ class OvertakingVectorEnv(VectorEnv[F32, NDArray[Any], Any]):
             scenario_index = _check_scenario_index(options["scenario_index"], len(rows))
         if seed is not None or self._episodes is None:
             super().reset(seed=seed)  # Seeds Gymnasium's generator `np_random`.
-            if seed is None:  # The generator then has a random seed of the system.
+            if seed is None:  # The generator then has a random seed of the system; it draws int64.
                 seed = int(self.np_random.integers(2**63))
             self._supply.restart(seed)
             if scenario_index is None:

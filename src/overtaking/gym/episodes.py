@@ -232,7 +232,8 @@ class EpisodeBatch:
         observation_table: Last observation of each episode, shape (env, `OBSERVATION_SIZE`), with
             the columns of `model.driver_interface`. It stays after the end of an episode until the
             next one begins.
-        is_running: Whether each episode goes on, shape (env,).
+        is_running: Whether the simulation of each episode goes on, shape (env,): after an accident
+            for two seconds, although `environments` ends the episode.
         scenario_index: Scenario index of each episode, shape (env,).
         num_decisions: Number of decisions since the start of each episode, shape (env,).
         num_step_decisions: Number of decisions in the last step of the environment, shape (env,):
@@ -331,6 +332,7 @@ class EpisodeBatch:
             self._refs[row] = ref
         params = join_parameters(sort_refs(refs))
         observed = self._stepper.restart(rows, params)
+        # In place, unlike in `_carry_out`: the reward of the last step is already computed.
         self.observation_table[rows], self.is_running[rows] = observed.table, observed.is_running
         self._vehicle[:, rows] = [values[EGO_SLOT] for values in params.vehicles]
         self.scenario_index[rows] = params.scenario_index

@@ -21,7 +21,7 @@ class CarlaVehicle:
     Attributes:
         blueprint: CARLA's id of the model, such as "vehicle.audi.a2".
         base_type: CARLA's name of its kind: car, truck, van, bus, motorcycle or bicycle.
-        vehicle_class: Code of the class in `vehicle_classes` whose physics it has, such as "S".
+        vehicle_class: Name of the class in `vehicle_classes` whose physics it has, such as "S".
         size: Length, width and height of its bounding box [m].
     """
 
