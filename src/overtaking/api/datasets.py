@@ -95,7 +95,8 @@ def generate_dataset(
             is an error; None for the classes as they come.
         executor: A name in `EXECUTORS`: `threads` of this process, `processes` of this machine,
             `ray` for a Ray cluster; `auto`, the first name and the default, takes processes for a
-            data set in a folder with enough shards to gain by them, else threads.
+            data set in a folder with enough shards to gain by them, else threads: the access to a
+            store may have been set up in this process alone.
         address: Only for `ray`. Address `HOST:PORT` of a Ray cluster; None starts one on this
             machine for the duration of the call.
         workers: Number of processes, not for `threads` or with `address`; None for one per core.

@@ -444,7 +444,7 @@ def trajectories_from_table(
             None for the road that the map describes; lanes that the map does not describe are
             inferred from the tracks.
         driving_side: Side that traffic keeps to, "right" or "left"; replaces the side that the map
-            states.
+            states. A given `road` must have the same side.
         speed_limit: Speed limit of the road [m/s], infinite for no limit; replaces the limit that
             the map or the road states.
         attempts_only: Whether vehicles are omitted that follow another and never leave their lane
@@ -460,7 +460,7 @@ def trajectories_from_table(
         `RecordingWarning` states the first finding.
 
     Raises:
-        ConfigError: The map or the road cannot be used.
+        ConfigError: The map, the road or the driving side cannot be used.
         ImportFormatError: The table cannot be used; the message names row and column. Also for a
             finding if `strict` is true.
     """
