@@ -130,7 +130,7 @@ def serve(
             can use the server.
         maps: Maps that clients can load: each the name of a road of the package, or an OpenDRIVE
             file, which clients name without the suffix. The first is loaded at the start; `town06`
-            is the road of the study.
+            is the road of the reproduced study.
         seed: Seed of the random parts of the weather (gusts and puddles), 0 <= seed < 2**64.
         ready: Called once, when clients can connect, with the port for calls and the port for
             streams.

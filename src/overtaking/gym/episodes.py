@@ -166,7 +166,8 @@ class ScenarioSupply:
     def _draw_ahead(self) -> None:
         """Draw scenarios for all environments, more at a time with every call."""
         # The first call draws one scenario for each environment, so that `reset` returns soon.
-        # Each later call draws twice as many, because a large batch costs less per scenario.
+        # Each later call fills up to twice as many, within `MAX_DRAWN_AHEAD`, because a large batch
+        # costs less per scenario.
         num_missing = [max(self._num_ahead - len(ready), 0) for ready in self._ready]
         rows = np.repeat(np.arange(self._num_envs), num_missing)
         scenario_index = np.empty(len(rows), np.uint64)
