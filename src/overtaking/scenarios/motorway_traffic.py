@@ -4,8 +4,8 @@
 mode of such roads, and returns vehicles, drivers, lanes and a function for stations and speeds.
 `sampler` calls it once for each block of simulations. The *ego* is the vehicle whose overtaking is
 studied; it has slot 0. A *slot* is the position of a vehicle in the second axis of arrays, a
-*station* a distance along the road. The *deadline* is the time at which a simulation ends if the
-ego has not begun to overtake.
+*station* a distance along the road. From the *deadline* on, a simulation ends as soon as the ego
+neither overtakes nor is about to overtake, because it never began or has given up.
 
 The traffic has ends: in each lane, the outermost vehicle ahead of the ego and the outermost one
 behind it. Vehicles are placed from the ego outwards until all slots are filled, or until the ego
@@ -156,9 +156,10 @@ def sample_motorway_traffic(block: SampleBlock, flow: FlowTraffic) -> TrafficSta
         zone=StartZone.whole_road(block.road),
         states_at_speed=partial(_states_at_speed, layout, vehicles, traits),
         # Where the slots run out, the deadline is the time at which an end may come into sight: an
-        # attempt after it would meet an empty road. Subtracting `OVERTAKE_DURATION` as well would
-        # take 25 s for attempts from dense traffic; it is left out, a choice. So an ego may see an
-        # end during a late attempt; `overtaking validate` measures how often egos see an end.
+        # attempt after it would meet an empty road. A deadline earlier by `OVERTAKE_DURATION`, as
+        # on two-way roads, would shorten the time for attempts in dense traffic by 25 s; it is left
+        # out, a choice. So an ego may see an end during a late attempt; `overtaking validate`
+        # measures how often egos see an end.
         deadline=minimum(end_in_sight_time, stated_deadline),
     )
 

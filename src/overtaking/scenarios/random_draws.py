@@ -327,7 +327,8 @@ class ProposalSampler:
         """The profile's density over the mixture's, for the numbers drawn so far, (simulation,).
 
         After the last number it is the sampling weight. A part of the mixture, 1 minus the sum of
-        the shares, is drawn from the profile itself, so no weight exceeds 1 over that part.
+        the shares, is drawn from the profile itself, so no weight exceeds the reciprocal of this
+        part.
         """
         mixture_over_profile = self._profile_share
         for component, ratio in zip(self._components, self._density_ratios, strict=True):

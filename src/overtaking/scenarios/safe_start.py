@@ -104,8 +104,8 @@ class TrafficStart:
         lane: Lane, 0 the slowest.
         kept_gap_share: See `DrawnStarts`.
         zone: The part of the road on which they may start.
-        deadline: Time at which a simulation ends if the ego has not begun to overtake, shape
-            (simulation,) [s].
+        deadline: From this time on a simulation also ends as soon as the ego neither overtakes nor
+            is about to overtake, because it never began or has given up, shape (simulation,) [s].
         states_at_speed: Function from desired speeds [m/s] to stations and speeds. `sampler` calls
             it after it has drawn the weather, which changes desired speeds, and once more if bends
             or local limits slow the vehicles.
@@ -416,7 +416,8 @@ def _make_collisions_avoidable(vehicles: _SortedVehicles, rear_limits: list[F32]
         # The leader may have moved back, so restore the smallest gap first.
         s = minimum(vehicles.s[follower], contact_s - vehicles.min_gap)
         safe_s = minimum(s, contact_s - _avoiding_gap(closing_speed, reaction_time, decel))
-        # Not negative, because the leader stays in front of its own rear limit.
+        # Not negative, because the leader is never behind its own rear limit, and the limits of two
+        # vehicles in a lane are as far apart as their smallest distance.
         free_space = s - rear_limits[follower]
         min_s = rear_limits[follower] + vehicles.kept_gap_share[follower] * free_space
         s = maximum(safe_s, min_s)

@@ -279,8 +279,8 @@ class TimeSection(Section):
 
     Attributes:
         horizon_s: Longest duration of a simulation.
-        attempt_deadline_s: Time at which a simulation ends if the ego has not begun an attempt to
-            overtake.
+        attempt_deadline_s: From this time on a simulation also ends as soon as the ego neither
+            overtakes nor is about to overtake, because it never began or has given up.
     """
 
     horizon_s: Duration

@@ -13,8 +13,9 @@ S, M and L (small, medium and large cars), V (van), T (truck), MC (motorcycle) a
 code, unlike the file, calls them vehicle classes. Types of values, such as `Count`, have their
 limits in `specification_values`; limits stated here are choices.
 
-The *deadline* is the time at which a simulation ends if the ego has not begun to overtake: the
-stated one, `time.attempt_deadline_s`, or an earlier one where the drawn traffic ends too near.
+From the *deadline* on, a simulation ends as soon as the ego neither overtakes nor is about to
+overtake, because it never began or has given up. The deadline is the stated one,
+`time.attempt_deadline_s`, or an earlier one where the drawn traffic ends too near.
 """
 
 from __future__ import annotations

@@ -9,8 +9,9 @@ vehicles ahead of the ego, those behind it, and the oncoming ones.
 Vehicles arrive with random *headways*, times between arrivals at a point of the road, which a
 typical speed converts into distances. While vehicles are placed, each has a *station* along its own
 direction: stations of oncoming vehicles count from the far end of the road. A vehicle that would
-drive into a slower one ahead follows it. The *horizon* is the longest duration of a simulation; the
-*deadline* is the time at which it ends if the ego has not begun to overtake.
+drive into a slower one ahead follows it. The *horizon* is the longest duration of a simulation.
+From the *deadline* on, it also ends as soon as the ego neither overtakes nor is about to overtake,
+because it never began or has given up.
 
 Three constants also hold for motorway traffic: `END_MARGIN` (smallest distance of vehicles from the
 ends of the road [m]), `PASSING_SPEED_FACTOR` (largest speed while overtaking over the desired
@@ -162,9 +163,10 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
         vehicles=slots.vehicles,
         drivers=drivers_with_speed(slots.traits, slots.desired_speed),
         lane=lane,
-        # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader. It may
-        # give up all of the space behind it (a kept share of 0), and move beyond the beginning of
-        # the road: a negative station is valid, and `low` is farther back than any vehicle needs.
+        # `safe_start.repair_starts` moves a vehicle back that starts too near to its leader, into
+        # the space behind it; a share of 0 of this space must stay free. Vehicles may move back
+        # even beyond the beginning of the road: negative stations are valid, and the smallest one,
+        # `low`, is farther back than any vehicle needs.
         kept_gap_share=np.zeros_like(slots.desired_speed),
         zone=StartZone.whole_road(block.road, low=-block.road.length),
         deadline=_attempt_deadline(block, traffic, drawn),
@@ -176,10 +178,10 @@ def sample_two_way_traffic(block: SampleBlock, traffic: TwoWayTraffic) -> Traffi
 def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
     """Length of a road for the ego and all oncoming vehicles that it can meet [m].
 
-    The sum of the ego's farthest start, the length of a platoon of all vehicles ahead of it, and
-    the stretch from which oncoming vehicles come. That stretch is the distance that two vehicles at
-    the highest passing speed cover towards each other before the horizon, plus the sight distance.
-    It is at most the distance over which all oncoming vehicles are spread at the longest headways.
+    The sum of the ego's farthest start, a length for the vehicles ahead of it, and the stretch from
+    which oncoming vehicles come. That stretch is the distance that two vehicles at the highest
+    passing speed cover towards each other before the horizon, plus the sight distance. It is at
+    most the distance over which all oncoming vehicles are spread at the longest headways.
 
     A known gap: with no or one oncoming vehicle, the stretch is so short that a fast ego may leave
     the road. With one, profile `rural` has 2.5 km of road beyond the farthest start, and the
@@ -193,6 +195,8 @@ def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
     max_speed = PASSING_SPEED_FACTOR * max_desired_speed(specification, traffic)
     max_oncoming_length = traffic.oncoming * MAX_HEADWAY * float(_typical_speed(traffic))
     length_within_reach = traffic.sight_m + 2.0 * max_speed * horizon
+    # A choice: only the first vehicle ahead of a held-up ego has a headway of at most 4 s. Others
+    # may stand farther ahead; `sample_two_way_traffic` leaves out those beyond the end of the road.
     platoon_length = traffic.ahead * MAX_PLATOON_HEADWAY * max_speed
     oncoming_stretch = min(max_oncoming_length, length_within_reach)
     return traffic.start_s_m[1] + platoon_length + oncoming_stretch + END_MARGIN
@@ -375,7 +379,7 @@ def _states_at_speed(layout: VehicleLayout, slots: DrawnSlots, speed: F32) -> St
 
 
 def _attempt_deadline(block: SampleBlock, traffic: TwoWayTraffic, drawn: DrawnSlots) -> F32:
-    """Time at which a simulation ends if the ego has not begun to overtake, (simulation,) [s].
+    """The deadline of each simulation, see the module, shape (simulation,) [s].
 
     Only a fixed number of oncoming vehicles is drawn. The deadline is `OVERTAKE_DURATION` before
     the ego can see the empty road behind the last of them, so that a common overtake which begins

@@ -372,10 +372,10 @@ def _distance_to_first_hidden(margin: F64) -> F64:
     # `argmax` gives the first hidden point, and 0 if there is no hidden point.
     first = np.argmax(is_hidden, axis=1)
     last_visible, first_hidden = margin[eye, np.maximum(first - 1, 0)], margin[eye, first]
-    # Share of the spacing between both points at which the margin is 0. The margins that stand in
-    # for bearings, `_HIDES_NOTHING` and `_NOT_AHEAD_MARGIN`, make this share arbitrary; the error
-    # is below one spacing. Without such a pair (the first hidden point is point 0, or there is no
-    # hidden point) the share is 0; a divisor of 1 avoids a division by 0.
+    # Share of the spacing from the last visible to the first hidden point at which the margin is 0.
+    # It stays 0 if point 0 is hidden, so that no visible point precedes, or if no point is hidden;
+    # the divisor of 1 then avoids a division by 0. Margins made of `_HIDES_NOTHING` or
+    # `_NOT_AHEAD_MARGIN` give an arbitrary share; the error is below one spacing.
     fall = np.where(first > 0, last_visible - first_hidden, 1.0)
     share = np.where(first > 0, last_visible / fall, 0.0)
     # The last visible point is `first` spacings ahead.

@@ -376,8 +376,9 @@ def with_ring(params: StepParameters, length: F32) -> StepParameters:
 
     Positions along the road go on growing lap by lap. Distances to other vehicles count modulo the
     length, so each vehicle reacts to the nearest one of all laps. Two parts of the step compare
-    positions without the modulo: the target, the vehicle to overtake, would be wrong, so the ego
-    must not overtake (`ForcedDecision.STAY`); contacts of vehicles in different laps are not found.
+    positions without the modulo. The choice of the vehicle to overtake would be wrong, so the ego
+    must not overtake (`ForcedDecision.STAY`). The search for contacts misses vehicles in different
+    laps.
 
     Args:
         params: Parameters of a road with ends.
