@@ -155,8 +155,8 @@ class BatchField:
         spec: Its `FieldSpec`; the default `FieldSpec()` if the annotation has no metadata.
         axes: Axes of the array: of the `FieldSpec`, or, if it states no axes, of the class.
         dtype: The dtype of an array; None if the field holds no array.
-        type: Its type without an outer `Annotated`; members of a union, as in `F32 | None`, keep
-            theirs.
+        type: Its type without an outer `Annotated`. Members of a union, as in `F32 | None`, stay
+            `Annotated`.
         column: Name of its column, without the unit; None if it is not written.
     """
 

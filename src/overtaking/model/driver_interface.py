@@ -299,8 +299,8 @@ class Move(IntEnum):
     """A choice of the ego's driver at a decision. A move that is impossible has no effect."""
 
     KEEP = 0
-    """Stay in the lane, or complete the lane change. If an indicator was on for 2 s before this
-    move, it goes off after 2 s of it, and so for other times: the driver may only hesitate."""
+    """Stay in the lane, or complete the lane change. An indicator stays on for as long as it was on
+    before this move, and then goes off: a driver that hesitates briefly keeps it on."""
     INDICATE_PULL_OUT = 1
     """Indicate a lane change to the overtaking side."""
     PULL_OUT = 2

@@ -31,7 +31,8 @@ class Outcome(IntEnum):
     """How the ego's overtake ended, whether or not it was legal.
 
     A collision decides the outcome whenever it happens: before an attempt, which it prevents, and
-    also after the return. Simulations continue for 3 s then, which still belong to the overtake.
+    also after the return. Simulations continue for 3 s after the return, and this time still
+    belongs to the overtake.
     """
 
     NO_ATTEMPT = 0  # The ego did not begin to overtake.
@@ -86,8 +87,9 @@ class OvertakeEvents(Batch):
             (`phases.follow_time_gap`) behind the target; `first` if there is no such frame
             [t_follow].
         attempt: First frame of the movement to the left that begins the overtake. The movement
-            leads over the line, or within a second as far to the left as gusts and wandering move
-            such a vehicle at most once an hour: 0.45 m for trucks to 1.2 m for bicycles [t_a].
+            leads over the line, or within a second as far to the left as gusts and wandering move a
+            vehicle of this type at most once an hour: 0.45 m for trucks to 1.2 m for bicycles
+            [t_a].
         line_crossed: First frame in which a corner of the ego is over the line on its left [t_x1].
         overlap_begin: First frame in which the ego is alongside the target [t_o1].
         overlap_end: First frame in which the ego is wholly ahead of the target [t_o2].

@@ -7,9 +7,9 @@ why drivers overtake; its parts are the classes before it.
 
 The ego is the vehicle under study, the target is the vehicle that it overtakes, and left is the
 overtaking side, also in left-hand traffic. An attempt is the beginning of an overtake. A simulation
-without an attempt is measured at a frame that `labels.paper_features` draws. With and without an
-attempt, the ego has then waited for equally long on average; otherwise a model could tell the two
-kinds of simulation apart by the waiting time alone.
+without an attempt is measured at a frame that `labels.paper_features` draws, so that at these
+frames the ego has waited for as long on average as at the attempts of other simulations. Otherwise
+a model could tell the two kinds of simulation apart by the waiting time alone.
 
 Each `FieldSpec` declares a field and its column: a description for users, a unit and where the
 column is null. `null_unless` is the path of a flag or a count: the column is null where it is false

@@ -59,8 +59,8 @@ class OvertakeClass(IntEnum):
     """Class of a simulation: the paper's five classes (0 to 4) and three further ones.
 
     A policy may omit the further classes. Then `SUCCESS_U` counts as `SUCCESS_L`, `CENSORED` as
-    `UNSUCCESS_NCOL`, and `UNSUCCESS_DEP` as `UNSUCCESS_NCOL`, or as `NO_ATTEMPT` if the ego had
-    begun no overtake. Data sets store the integers, so a new class gets the next one.
+    `UNSUCCESS_NCOL`, and `UNSUCCESS_DEP` as `UNSUCCESS_NCOL` if the ego had begun an overtake, else
+    as `NO_ATTEMPT`. Data sets store the integers, so a new class gets the next one.
     """
 
     NO_ATTEMPT = 0  # The ego begins no overtake.
@@ -70,7 +70,7 @@ class OvertakeClass(IntEnum):
     UNSUCCESS_NCOL = 4  # Begun and not completed, without a collision.
     SUCCESS_U = 5  # Completed; no required rule is broken, but one is undecidable.
     CENSORED = 6  # The recording ends during the overtake; left out of rates.
-    UNSUCCESS_DEP = 7  # The ego leaves the road or spins, without a collision.
+    UNSUCCESS_DEP = 7  # The ego leaves the road or spins, at any time, without a collision.
 
     @property
     def title(self) -> str:

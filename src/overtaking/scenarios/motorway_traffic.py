@@ -202,7 +202,7 @@ def road_length(specification: Specification, flow: FlowTraffic) -> float:
     speed_factor *= max_cruise_factor(specification.drivers)
     max_speed = speed_factor * mps_from_kmh(max(flow.free_speed_kmh.values()))
     max_ego_speed = EGO_SPEED_SHARE * max_speed + (1.0 - EGO_SPEED_SHARE) * max(lane_speeds)
-    min_ego_speed = (1.0 - EGO_SPEED_SHARE) * min(lane_speeds)
+    min_ego_speed = (1.0 - EGO_SPEED_SHARE) * min(lane_speeds)  # As if it wanted to stand.
     closing_speeds = max(max_ego_speed - min(lane_speeds), max(lane_speeds) - min_ego_speed)
     max_approach_speed = closing_speeds + 2.0 * APPROACH_MARGIN
     # `FlowLane.density` is a relative number. The density of a lane is at least the mean density of
@@ -327,7 +327,8 @@ def vehicle_kinds(flow: FlowTraffic, u: F32, lane: U8) -> U8:
     kind = np.zeros(u.shape, np.uint8)
     for lane_index, flow_lane in enumerate(flow.lanes):
         drawn = choose_weighted(u, weights_of(flow_lane.types, VEHICLE_CLASS_NAMES))
-        # The ego starts in no other lane, and the types of another lane may all have two wheels.
+        # Other lanes, in which the ego never starts, may have types with two wheels only: without
+        # these types all weights would be 0.
         if lane_index in flow.ego_lanes:
             ego_types = {**flow_lane.types, **dict.fromkeys(TWO_WHEELERS, 0.0)}
             ego_weights = weights_of(ego_types, VEHICLE_CLASS_NAMES)

@@ -136,8 +136,8 @@ class DrawnStarts:
         lane: Lane, 0 the slowest.
         s: Station [m].
         speed: Speed [m/s].
-        kept_gap_share: A vehicle that starts too near moves back, but keeps this share of the free
-            part of the zone behind it; if that is not enough, it starts slower. In placed traffic
+        kept_gap_share: A vehicle that starts too near moves back, but leaves this share of the
+            space behind it free; if that is not enough, it also starts slower. In placed traffic
             the share is drawn, so that starts do not pile up at the end of the short zone; in other
             traffic it is 0 [1].
     """

@@ -98,8 +98,8 @@ def _path_and_mode(finding: ErrorDetails) -> tuple[list[str], str | None]:
     """The parts of the dotted key that a finding is about, and the mode of its section.
 
     Only `[weather]` and `[traffic]` have a mode, "placed" for traffic without one; other sections
-    get None. Pydantic puts it after the section, as in `("traffic", "flow", "lanes", 0)`. For the
-    key of a table it adds "[key]", which is no part of a dotted key.
+    get None. Pydantic puts the mode after the section, as in `("traffic", "flow", "lanes", 0)`. For
+    the key of a table Pydantic adds "[key]", which is no part of a dotted key.
     """
     path = [str(part) for part in finding["loc"] if part != "[key]"]
     if path[:1] in (["weather"], ["traffic"]) and len(path) > 1:

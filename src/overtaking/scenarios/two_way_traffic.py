@@ -460,7 +460,9 @@ def _flows_per_hour(
 ) -> tuple[F32, F32]:
     """Vehicles per hour in the ego's and in the other direction, shape (simulation,).
 
-    `traffic.flow_vph` is the mean of both directions, half of the flow of the road.
+    `traffic.flow_vph` is the mean of both directions, half of the flow of the road, and
+    `traffic.split` the share of the busier direction in the flow of the road. Either direction is
+    the busier one with a probability of one half.
 
     Args:
         traffic: Section `[traffic]` of the specification.
@@ -469,6 +471,6 @@ def _flows_per_hour(
     """
     mean_flow = scale_to_range(transform("flow", stream.uniform()), *traffic.flow_vph)
     split = scale_to_range(stream.uniform(), *traffic.split)
-    is_busier = stream.uniform() < np.float32(0.5)
-    own_factor = np.float32(2.0) * np.where(is_busier, split, np.float32(1.0) - split)
+    is_own_busier = stream.uniform() < np.float32(0.5)
+    own_factor = np.float32(2.0) * np.where(is_own_busier, split, np.float32(1.0) - split)
     return mean_flow * own_factor, mean_flow * (np.float32(2.0) - own_factor)

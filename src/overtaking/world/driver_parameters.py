@@ -307,7 +307,14 @@ def _following(context: StepContext) -> FieldArrays:
 
 
 def _reaction(context: StepContext) -> FieldArrays:
-    """Reaction times in decisions. Only the usual ones grow at night, in fog and in heavy rain."""
+    """Reaction times in decisions. Only the usual ones grow at night, in fog and in heavy rain.
+
+    Close to a collision drivers react as fast as by day: the faster the image of the leader grows,
+    the sooner they brake.
+
+    Source:
+        Markkula et al. (2016), for the urgent reactions; the growth of the usual ones is a choice.
+    """
     conditions = context.conditions
     reaction_time = context.scenario.drivers.reaction_time
     fog_limit = visibility.extinction_of_range(constant("model.perception.fog_range"))
