@@ -386,7 +386,8 @@ def following_starts(
     )
     free = np.full_like(s[0], _FREE)
     num_lanes = int(layout.lane.max(initial=0)) + 1
-    # Rear bumper and speed of the last vehicle that was placed in each lane, the next leader there.
+    # Station of the rear bumper and speed of the last vehicle that was placed in each lane: it leads
+    # the next one.
     leader_rear_s, leader_speeds = [free] * num_lanes, [free] * num_lanes
     speed = [free] * len(s)
     for rank in reversed(range(len(s))):

@@ -67,8 +67,8 @@ def min_wet_film(rate: F32, puddles: F32) -> F32:
 def puddle_depth(puddles: F32) -> F32:
     """Full depth of a puddle above the film [mm].
 
-    It is 0 up to 50 % of deposits: such a road is damp, without standing water. `puddle_cover`
-    is above 0 there, but without effect.
+    It is 0 up to 50 % of deposits: such a road is damp, without standing water. `puddle_cover` is
+    already above 0 for these deposits, but a puddle of depth 0 has no effect.
 
     Args:
         puddles: CARLA's precipitation deposits, 0 to 100, any shape [%].

@@ -87,7 +87,7 @@ class SimulationParameters(NamedTuple):
             up to less than this [1].
         puddle_film: Full depth of a puddle above the film [mm].
         puddle_phase_1: Phase of the first wave at s = 0, as a share of its length, in (0, 1) [1].
-        puddle_phase_2: Phase of the second wave, likewise [1].
+        puddle_phase_2: Phase of the second wave, as a share of its length, in (0, 1) [1].
         max_lateral_accel: Largest lateral acceleration that drivers choose at the friction that
             they assume [m/s^2].
         forced_decision: `ForcedDecision` of the ego; 0 leaves the decision to its driver.
