@@ -386,7 +386,7 @@ def following_starts(
     )
     free = np.full_like(s[0], _FREE)
     num_lanes = int(layout.lane.max(initial=0)) + 1
-    # Station of the rear bumper and speed of the last vehicle that was placed in each lane: it leads
+    # Rear bumper [m] and speed of the vehicle that was placed last in each lane: it is the leader of
     # the next one.
     leader_rear_s, leader_speeds = [free] * num_lanes, [free] * num_lanes
     speed = [free] * len(s)

@@ -131,9 +131,9 @@ def _tyre_wear(u: F32) -> F32:
 def with_able_bicycles(vehicles: VehicleSpecs, desired_speed: F32) -> VehicleSpecs:
     """The vehicles, with every bicycle able to hold its desired speed.
 
-    The study has bicycles at 50 to 120 km/h on a motorway, which no rider reaches. A bicycle gets
-    its desired speed as top speed, and the power that this speed takes. The flag
-    `unlawful_presence` stays: the law bans bicycles from motorways.
+    The study has bicycles at 50 to 120 km/h on a motorway, which no rider reaches. The top
+    speed of a bicycle is raised to its desired speed, and the power to the power for this speed.
+    The flag `unlawful_presence` stays: the law bans bicycles from motorways.
 
     Args:
         vehicles: Vehicles, shape (simulation, vehicle).
@@ -356,9 +356,9 @@ def _complete_vehicles(body: DrawnBody) -> VehicleSpecs:
         tyre_wear=body.tyre_wear,
         contrast=_colour_contrasts()[body.colour],
         two_wheeler=_class_flags("two_wheeler")[kind],
-        # A property of the class, so it is also set on two-way roads, where it has no effect: no rule
-        # of the law reads it, and `world.vehicle_parameters` only lets flagged vehicles hold the
-        # speed at which they start.
+        # A property of the class, so it is also set on two-way roads, where it has no effect: no
+        # rule of the law reads it, and `world.vehicle_parameters` only lets flagged vehicles hold
+        # the speed at which they start.
         unlawful_presence=~_class_flags("motorway_allowed")[kind],
         **class_fields,
     )
