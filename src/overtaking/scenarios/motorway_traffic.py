@@ -386,8 +386,8 @@ def following_starts(
     )
     free = np.full_like(s[0], _FREE)
     num_lanes = int(layout.lane.max(initial=0)) + 1
-    # Rear bumper [m] and speed of the vehicle that was placed last in each lane: it is the leader of
-    # the next one.
+    # Rear bumper [m] and speed of the vehicle that was placed last in each lane; it leads the next
+    # vehicle in this lane.
     leader_rear_s, leader_speeds = [free] * num_lanes, [free] * num_lanes
     speed = [free] * len(s)
     for rank in reversed(range(len(s))):
