@@ -49,7 +49,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         // `limit_accel` slows drivers down for a lower speed limit ahead. In this model a passing driver slows down for
         // it only after the pass.
         let accel = select(is_passing, accel, limited_accel);
-        // A passing driver uses more of the engine than in everyday driving.
+        // A passing driver uses more of the engine than in everyday driving. Urgent returns occur only on two-way roads.
         let usual_factor = splat(params.simd, constants.accelerate_gain);
         let engine_factor = if params.road.directions.has_oncoming_traffic {
             select(
@@ -161,7 +161,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             constants.lane_cleared_share * state.path.duration[slot] - state.path.elapsed[slot],
             0.0,
         );
-        // `perception` clips `leader.accel` at 0, so the driver adds the braking of its old leader here.
+        // `leader.accel` is never positive: the driver adds the braking of its old leader.
         let needed_decel = braking_until_clear(
             params,
             leader.gap - vehicle.min_gap,
@@ -187,8 +187,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Acceleration that the driver wants, behind its leader and behind the leader in its old lane [m/s^2].
     ///
-    /// `leader_accel` is the acceleration behind the leader; where oncoming traffic or the pass demands a smaller one,
-    /// that one [m/s^2].
+    /// `leader_accel` is the acceleration behind the leader, or the smaller one that oncoming traffic or the pass
+    /// demands [m/s^2].
     #[inline(always)]
     pub fn requested_accel(self, context: &DriverContext<S>, leader_accel: F32<S>) -> F32<S> {
         min(leader_accel, self.accel_behind_old_leader(context))

@@ -1,6 +1,6 @@
 //! Car following; the twin of `overtaking.sim.reference.car_following`, which names the sources.
 //!
-//! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen; a slot is the number of a vehicle.
+//! A vector (`F32`, `Mask`) has one value for each simulation of a block of sixteen.
 
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;

@@ -20,7 +20,7 @@ use crate::vehicle_handle::VehicleHandle;
 /// Keeps the time of contact finite without relative motion [m].
 const MIN_MOTION: f32 = 1e-6;
 /// Bound of an overlap that no axis has narrowed yet [shares].
-const NEVER: f32 = 1e9;
+const UNBOUNDED: f32 = 1e9;
 /// Distance that `stay_clear` adds, so that rounding hides no contact [m].
 const ROUNDING_MARGIN: f32 = 0.05;
 
@@ -527,7 +527,7 @@ fn swept_overlap<S: Simd>(
         (b.cosine, b.sine),
         (-b.sine, b.cosine),
     ];
-    let (mut enter, mut leave) = (splat(simd, -NEVER), splat(simd, NEVER));
+    let (mut enter, mut leave) = (splat(simd, -UNBOUNDED), splat(simd, UNBOUNDED));
     let (mut normal_s, mut normal_d) = (splat(simd, 0.0), splat(simd, 0.0));
     for ((axis_s, axis_d), distance) in axes.into_iter().zip(overlap_distances(a, b)) {
         let start = start_offset.s * axis_s + start_offset.d * axis_d;

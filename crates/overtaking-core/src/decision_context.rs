@@ -19,7 +19,7 @@ use crate::state::PerVehicle;
 pub struct DriverContext<S: Simd> {
     /// Slot of the driver.
     pub slot: usize,
-    /// The nearest vehicles of the own direction, by role.
+    /// The nearest vehicles of the own direction, by role: ahead and behind in the own and both adjacent lanes.
     pub neighbours: Neighbours<S>,
     /// Beliefs of the driver about them.
     pub beliefs: Beliefs<S>,

@@ -239,6 +239,7 @@ pub fn intent_from_action<S: Simd, const N: usize>(
     let ego = state.vehicle(params, EGO_SLOT);
     let starts_now = ego.moves_over_now(action);
     let cancels = action.requested_cancels();
+    // An aborted pass counts as a cancelled pull-out: both go back to the right.
     let mut cancels_pull_out = ego.can_cancel_pull_out() & cancels.pull_out;
     if params.road.directions.has_oncoming_traffic {
         cancels_pull_out |= ego.can_abort_pass() & cancels.passing;
@@ -284,8 +285,8 @@ pub fn set_requested_indicator<S: Simd, const N: usize>(
 
 /// Intent of an ego that is steered by a wheel angle, from the lane that its centre is in.
 ///
-/// The model knows of its lane change only once the centre has crossed a line, so the ego never wants one: it starts
-/// it.
+/// The model knows of its lane change only once the centre has crossed a line. So the ego never wants a lane change in
+/// advance: at that decision it starts it.
 #[inline(always)]
 fn intent_from_position<S: Simd, const N: usize>(
     state: &mut State<S, N>,

@@ -124,7 +124,7 @@ fn gap_acceptance_inputs<'a, S: Simd, const N: usize>(
         constants.max_imposed_decel,
     );
     // Only the ego can have a script or a forced decision.
-    let never = context.checks_mirrors & !context.checks_mirrors;
+    let never = context.checks_mirrors & !context.checks_mirrors; // False in each simulation.
     let (mut follows_script, mut pulls_out_by_script) = (never, never);
     let mut forced_decision = splat(params.simd, 0.0);
     let driver = state.vehicle(params, slot);
@@ -234,7 +234,7 @@ fn accepts_pull_out_gaps<S: Simd, const N: usize>(
     let is_free_ahead = imposed_accel_on_driver(params, inputs, &leader).simd_ge(-vehicle.decel);
     let gap = beliefs.gap[LEFT_FOLLOWER];
     let closing_speed = beliefs.closing_speed[LEFT_FOLLOWER];
-    // As the follower will be if it accelerates for 2 s.
+    // Gap and closing speed of a follower that accelerates for 2 s.
     let (later_gap, later_closing_speed) = anticipated_follower(params, gap, closing_speed);
     let follower_accel = min(
         imposed_accel_by_driver(params, inputs, gap, closing_speed),
@@ -339,15 +339,16 @@ pub fn form_intent<S: Simd, const N: usize>(
     let driver = state.vehicle(params, slot);
     let has_indicated =
         state.overtake.time_indicating[slot].simd_gt(inputs.vehicle.indicator_lead_time);
-    // A driver moves over only right after a check of its mirrors.
+    // A driver moves over only right after a check of its mirrors. It gives way to another driver that indicates into
+    // the same lane and goes first.
     let may_move_over = (context.checks_mirrors & !context.gives_way) | inputs.is_scripted;
     let mut cancels_pull_out = driver.cancels_pull_out(context, inputs);
     let mut cancels_return = driver.cancels_return(context, inputs);
     let mut may_return = has_indicated;
     if let Some(continuation) = continuation {
-        // A driver that aborts returns behind its target as soon as it will have gaps to the target and to the leader
-        // in its own lane, without waiting for mirrors or indicator. `overtake` carries this return out as a cancelled
-        // pull-out.
+        // A driver that aborts does not wait for mirrors or indicator. It goes back behind its target as soon as
+        // braking will leave a gap to the target and to the leader in the right lane. `overtake` carries this out as a
+        // cancelled pull-out.
         let has_gap_behind =
             inputs.beliefs.gap[RIGHT_FOLLOWER].simd_gt(params.constants.min_rear_gap);
         let falls_back = continuation.must_abort & continuation.fits_into_lane & has_gap_behind;

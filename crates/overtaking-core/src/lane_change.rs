@@ -281,7 +281,7 @@ pub fn change_lanes_by_mobil<S: Simd, const N: usize>(
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Whether another driver that indicates for the same gap from its other side goes first.
+    /// Whether a driver beyond the wanted lane that indicates into this lane as well goes first.
     ///
     /// The driver farther ahead goes first, and of two that are abreast the one that moves to the left (a choice of
     /// this model). `side` is the side to which this driver wants to move: 1 left, -1 right, 0 for neither.

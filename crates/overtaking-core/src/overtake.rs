@@ -165,7 +165,10 @@ fn count_waiting_time<S: Simd, const N: usize>(
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// Stage after this decision. Of the rules below, the last that applies wins.
+    /// Stage after this decision.
+    ///
+    /// Of the rules below, in the order of an overtake, the last that applies wins: a driver that aborts at the end of
+    /// its pull-out goes to `ABORT`, not to `PASS`.
     #[inline(always)]
     fn next_stage(self, neighbours: &Neighbours<S>, intent: &Intent<S>) -> F32<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
@@ -287,9 +290,10 @@ fn set_indicator<S: Simd, const N: usize>(
     assign_where(&mut state.overtake.time_indicating[slot], is_moving, zero);
 }
 
-/// End the simulation some time after the overtake, or at the deadline without an attempt.
+/// End the simulation some time after the overtake, or at the deadline if none is under way.
 ///
-/// An ego that indicates a pull-out at the deadline goes on with its attempt.
+/// An attempt that was aborted before the deadline does not prolong it. An ego that indicates a pull-out at the
+/// deadline goes on with its attempt.
 #[inline(always)]
 fn set_end_step<S: Simd, const N: usize>(
     state: &mut State<S, N>,

@@ -187,7 +187,7 @@ state_group! {
         target_slot = NO_SLOT,
         /// Time spent behind a slower leader [s].
         time_waiting = 0.0,
-        /// Time for which the driver has indicated its next manoeuvre [s].
+        /// Time for which the driver has wanted its next manoeuvre, which it indicates if it uses its indicator [s].
         time_indicating = 0.0,
         /// 1 while the driver falls back behind its target, else 0.
         must_abort = 0.0,
@@ -345,10 +345,10 @@ impl<S: Simd, const N: usize> CopyLane for State<S, N> {
     }
 }
 
-/// Station and lateral position in the frame of the other direction where `is_reversed`, else unchanged [m].
+/// Station and lateral position in the coordinates of the other direction where `is_reversed`, else unchanged [m].
 ///
-/// The frames of opposite directions differ by half a turn; `edge_sum` is the sum of the lateral positions of both road
-/// edges.
+/// The coordinates of opposite directions differ by half a turn; `edge_sum` is the sum of the lateral positions of both
+/// road edges.
 #[inline(always)]
 pub fn in_opposite_frame<S: Simd, const N: usize>(
     params: &Params<S, N>,

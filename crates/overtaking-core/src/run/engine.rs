@@ -2,8 +2,8 @@
 //!
 //! A *batch* is a number of simulations with the same road and number of vehicle slots. Blocks of sixteen simulations
 //! advance together in the lanes of SIMD vectors (`block`). A *share* is the part of a batch that one thread simulates,
-//! in several blocks. Array shapes are in row-major order, flat: in (field, slot,
-//! simulation), the numbers of one field and slot are adjacent.
+//! in several blocks. Array shapes are in row-major order, flat: in (field, slot, simulation), the numbers of one field
+//! and slot are adjacent.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ pub(crate) const fn max_blocks_per_share(slots: usize) -> usize {
 /// Shares take different times. With fewer shares, one thread would wait long for another at the end.
 const MIN_SHARES_PER_THREAD: usize = 4;
 
-/// Number of blocks in a share if larger shares would be fewer than `MIN_SHARES_PER_THREAD` for each thread.
+/// Shares shrink to this number of blocks if larger ones would be fewer than `MIN_SHARES_PER_THREAD` for each thread.
 const BLOCKS_PER_SMALL_SHARE: usize = 4;
 
 /// Position of a simulation in its batch, and the memory for its results.

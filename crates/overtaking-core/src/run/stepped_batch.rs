@@ -355,7 +355,7 @@ struct StepGroup<S: Simd, const N: usize> {
     number: usize,
     /// Number of steps of 10 ms since these simulations began.
     step: u32,
-    /// The same memory from blocks that have ended, until `StepGroups` takes it back.
+    /// Memory for the past motion from blocks that have ended, until `StepGroups` takes it back.
     free_histories: Vec<History<N>>,
 }
 
@@ -379,6 +379,7 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
         self.step += SUBSTEPS;
         self.free_lanes(|block, lane| block.state.end_step[lane] < call_start as f32);
         if (self.step / SUBSTEPS).is_multiple_of(MERGE_INTERVAL) {
+            // This changes the order of the blocks; `observe` then stores their `ego_contexts` anew.
             let emptied = merge(&mut self.blocks);
             self.free_histories.extend(
                 emptied

@@ -131,7 +131,7 @@ def accel_behind_old_leader(state: State, params: StepParameters, context: Decis
     time_to_clear = maximum(
         constants.lane_cleared_share * state.path.duration - state.path.elapsed, ZERO
     )
-    # `perception` clips `leader.accel` at 0, so the driver adds the braking of its old leader here.
+    # `leader.accel` is never positive: the driver adds the braking of its old leader.
     needed_decel = (
         _braking_until_clear(
             constants,
@@ -182,8 +182,8 @@ def apply_pedals(
     Args:
         state: Its `controls` change.
         params: Parameters of the batch.
-        leader_accel: Acceleration behind the leader; where oncoming traffic or the pass demands a
-            smaller one, that one [m/s^2].
+        leader_accel: Acceleration behind the leader, or the smaller one that oncoming traffic or
+            the pass demands [m/s^2].
         old_leader_accel: Acceleration behind the leader in the old lane [m/s^2].
 
     Source:

@@ -15,7 +15,7 @@ class Neighbours:
     """Nearest vehicles in the same direction of travel by role.
 
     Attributes:
-        slot: Slot of the neighbour, or `NO_SLOT`, (role, vehicle, simulation).
+        slot: Slot of the neighbour, `NO_SLOT` without one, (role, vehicle, simulation).
         gap: Gap between bumpers, negative when alongside, (role, vehicle, simulation) [m].
         distance: Distance of the centres along the road, never negative,
             (role, vehicle, simulation) [m].
@@ -60,7 +60,7 @@ class OncomingVehicle:
     Arrays have shape (vehicle, simulation).
 
     Attributes:
-        slot: Slot of the vehicle, or `NO_SLOT`.
+        slot: Slot of the vehicle, `NO_SLOT` without one.
         gap: Gap between the front bumpers [m].
         half_length: Half of its length [m].
         is_detected: Whether the driver has detected it.

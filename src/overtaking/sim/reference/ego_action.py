@@ -171,6 +171,7 @@ def intent_from_action(state: State, params: StepParameters, action: EgoAction) 
     update_indicator(state, params, EGO_SLOT, wants_to_pull_out, wants_to_return)
     starts_now = _moves_over_now(state, params, action)
     cancels = _requested_cancels(action)
+    # An aborted pass counts as a cancelled pull-out: both go back to the right.
     return Intent(
         wants_to_pull_out=wants_to_pull_out,
         wants_to_return=wants_to_return,
@@ -218,8 +219,8 @@ def _requested_cancels(action: EgoAction) -> RequestedCancels:
 def _intent_from_position(state: State, params: StepParameters) -> Intent:
     """Intent of an ego that is steered by a wheel angle, from the lane that its centre is in.
 
-    The model knows of its lane change only once the centre has crossed a line, so the ego never
-    wants one: it starts it.
+    The model knows of its lane change only once the centre has crossed a line. So the ego never
+    wants a lane change in advance: at that decision it starts it.
     """
     road, d = params.road, state.motion.d[EGO_SLOT]
     present_lane = np.zeros_like(state.overtake.stage[EGO_SLOT])

@@ -356,16 +356,17 @@ def form_intent(
     wants_to_return = _wants_to_return(state, params, context, inputs, continuation)
     update_indicator(state, params, slots, wants_to_pull_out, wants_to_return)
     has_indicated = state.overtake.time_indicating[slots] > inputs.vehicle.indicator_lead_time
-    # A driver moves over only right after a check of its mirrors.
+    # A driver moves over only right after a check of its mirrors. It gives way to another driver
+    # that indicates into the same lane and goes first.
     may_move_over = (context.checks_mirrors[slots] & ~context.gives_way[slots]) | inputs.is_scripted
     forced_decision = inputs.forced_decision
     cancels_pull_out = _cancels_pull_out(state, params, context, inputs)
     cancels_return = _cancels_return(state, params, context, inputs)
     may_return = has_indicated
     if continuation is not None:
-        # A driver that aborts returns behind its target as soon as it will have gaps to the target
-        # and to the leader in its own lane, without waiting for mirrors or indicator. `overtake`
-        # carries this return out as a cancelled pull-out.
+        # A driver that aborts does not wait for mirrors or indicator. It goes back behind its
+        # target as soon as braking will leave a gap to the target and to the leader in the right
+        # lane. `overtake` carries this out as a cancelled pull-out.
         falls_back = (
             continuation.must_abort & continuation.fits_into_lane & has_gap_behind(params, inputs)
         )

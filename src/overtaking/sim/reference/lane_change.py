@@ -351,7 +351,7 @@ def lane_claims(state: State) -> LaneClaims:
 
 
 def gives_way(state: State, params: StepParameters, side: F32, claims: LaneClaims) -> Mask:
-    """Whether another driver that indicates for the same gap from its other side goes first.
+    """Whether a driver beyond the wanted lane that indicates into this lane as well goes first.
 
     The driver farther ahead goes first, and of two that are abreast the one that moves to the left
     (a choice of this model).

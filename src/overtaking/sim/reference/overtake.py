@@ -157,7 +157,11 @@ def _next_stage(
     slots: SlotSelection,
     intent: Intent,
 ) -> F32:
-    """Stage after this decision. Of the rules below, the last that applies wins."""
+    """Stage after this decision.
+
+    Of the rules below, in the order of an overtake, the last that applies wins: a driver that
+    aborts at the end of its pull-out goes to `ABORT`, not to `PASS`.
+    """
     centre = HALF * (neighbours.lane_right_edge[slots] + neighbours.lane_left_edge[slots])
     is_near_centre = np.abs(state.motion.d[slots] - centre) < params.constants.settled_offset
     is_back_in_lane = intent.has_finished_lane_change & is_near_centre
@@ -239,9 +243,10 @@ def _set_indicator(
 def _set_end_step(
     state: State, params: StepParameters, intent: Intent, next_stage: F32, step: int
 ) -> None:
-    """End the simulation some time after the overtake, or at the deadline without an attempt.
+    """End the simulation some time after the overtake, or at the deadline if none is under way.
 
-    An ego that indicates a pull-out at the deadline goes on with its attempt.
+    An attempt that was aborted before the deadline does not prolong it. An ego that indicates a
+    pull-out at the deadline goes on with its attempt.
     """
     constants, stage_done = params.constants, np.float32(Stage.DONE)
     this_step = np.float32(step)

@@ -162,6 +162,7 @@ def run(
     steps_at_once = _steps_at_once(params)
     step = 0
     while (np.float32(step) <= state.end_step).any():
+        # A switch lies at a frame, so the loop reaches its step even if it advances by five steps.
         for switch in switches:
             if switch.step == step:
                 switch_parameters(state, params, switch.params)
@@ -173,6 +174,7 @@ def run(
             is_running = np.float32(step) <= state.end_step
             # A frame at a decision has lamps and stage after this decision.
             recorder.record_frame(state, params, is_running, step // params.steps_per_frame)
+        # The motion reads no desired speeds, so it needs no `with_local_speeds`.
         advance(state, params, pairs, step=step, steps_at_once=steps_at_once, action=action)
         step += steps_at_once
     return dataclasses.replace(recorder.finish(state), actions=actions)
@@ -269,7 +271,7 @@ def perceive(state: State, params: StepParameters, step: int) -> DecisionContext
     if road.has_oncoming_traffic:
         oncoming = observe_oncoming(state, params, neighbours, decision_index)
     beliefs = perception.form_beliefs(state, params, neighbours, decision_index, checks_mirrors)
-    claims = lane_change.lane_claims(state)
+    claims = lane_change.lane_claims(state)  # Lane and indicated side of each vehicle.
     return DecisionContext(
         neighbours=neighbours,
         beliefs=beliefs,
@@ -306,6 +308,7 @@ def act(
     if context.oncoming is not None:
         accel_limit = minimum(accel_limit, accel_for_oncoming(state, params, context.oncoming))
         accel_limit = minimum(accel_limit, accel_limit_while_passing(state, params, context))
+    # During a lane change the leader in the lane that the driver leaves limits it as well.
     old_leader_accel = acceleration.accel_behind_old_leader(state, params, context)
     requested_accels = with_requested_accel(action, accel_limit, old_leader_accel)
     acceleration.apply_pedals(state, params, *requested_accels)

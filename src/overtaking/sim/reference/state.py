@@ -149,7 +149,8 @@ class OvertakeState:
         time_in_stage: Time in this stage [s].
         target_slot: Slot of the vehicle that is overtaken, or `NO_SLOT`.
         time_waiting: Time spent behind a slower leader [s].
-        time_indicating: Time for which the driver has indicated its next manoeuvre [s].
+        time_indicating: Time for which the driver has wanted its next manoeuvre, which it
+            indicates if it uses its indicator [s].
         must_abort: 1 while the driver falls back behind its target, else 0.
         must_return_urgently: 1 while the driver hurries back into its lane, else 0.
         has_attempted: 1 once the ego has begun an overtake, else 0, (simulation,).
@@ -337,10 +338,11 @@ class State:
         return state
 
     def position_seen_by_each(self, params: StepParameters, slot: int) -> tuple[F32, F32]:
-        """Station and lateral position of a vehicle in the frame of each vehicle [m].
+        """Station and lateral position of a vehicle in the coordinates of each vehicle [m].
 
-        The frames of opposite directions differ by half a turn: s becomes length - s, and d becomes
-        `edge_sum` - d, where `edge_sum` is the sum of the lateral positions of both road edges.
+        The coordinates of opposite directions differ by half a turn: s becomes length - s, and d
+        becomes `edge_sum` - d, where `edge_sum` is the sum of the lateral positions of both road
+        edges.
 
         Args:
             params: Parameters of the batch.
@@ -355,9 +357,9 @@ class State:
         return s, np.where(is_opposite, road.edge_sum - motion.d[slot], motion.d[slot])
 
     def road_position(self, params: StepParameters) -> tuple[F32, F32]:
-        """Station and lateral position of each vehicle in the frame of the road [m].
+        """Station and lateral position of each vehicle in the coordinates of the road [m].
 
-        This is the frame of the vehicles whose `travel_sign` is 1.
+        These are the coordinates of the vehicles whose `travel_sign` is 1.
         """
         road, motion = params.road, self.motion
         is_opposite = params.vehicles.travel_sign < 0
