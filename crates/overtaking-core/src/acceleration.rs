@@ -49,7 +49,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         // `limit_accel` slows drivers down for a lower speed limit ahead. In this model a passing driver slows down for
         // it only after the pass.
         let accel = select(is_passing, accel, limited_accel);
-        // A passing driver uses more of the engine than in everyday driving. Urgent returns occur only on two-way roads.
+        // A passing driver uses more of the engine than in everyday driving. Only on two-way roads must a driver return
+        // urgently.
         let usual_factor = splat(params.simd, constants.accelerate_gain);
         let engine_factor = if params.road.directions.has_oncoming_traffic {
             select(

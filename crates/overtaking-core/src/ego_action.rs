@@ -195,8 +195,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Whether the ego follows or passes and has a lane on its right.
     ///
-    /// A passing ego need not have finished its lane change: after it has cancelled a return, it may return again at
-    /// once.
+    /// An ego that follows may change to the right without an overtake. A passing ego need not have finished its lane
+    /// change: after it has cancelled a return, it may return again at once.
     #[inline(always)]
     pub fn can_return(self) -> Mask<S> {
         let follows = self.is_in_stage(stage::FOLLOW) & self.has_finished_lane_change();

@@ -18,7 +18,7 @@ use crate::vehicle_handle::VehicleHandle;
 /// The vehicle's own lane, the left and the right one, in the order of the roles [lanes].
 const LANE_OFFSETS: [f32; 3] = [0.0, 1.0, -1.0];
 
-/// Neighbours that are searched for at a decision.
+/// Neighbours that are searched for at a decision: only those that the driver needs, which saves time.
 #[derive(Clone, Copy)]
 pub enum SearchedNeighbours {
     /// The leader in the own lane.

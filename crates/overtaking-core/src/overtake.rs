@@ -292,7 +292,7 @@ fn set_indicator<S: Simd, const N: usize>(
 
 /// End the simulation some time after the overtake, or at the deadline if none is under way.
 ///
-/// An attempt that was aborted before the deadline does not prolong it. An ego that indicates a pull-out at the
+/// An attempt that was aborted before the deadline does not delay the end. An ego that indicates a pull-out at the
 /// deadline goes on with its attempt.
 #[inline(always)]
 fn set_end_step<S: Simd, const N: usize>(

@@ -142,8 +142,9 @@ pub fn perceive<S: Simd, const N: usize>(
 
 /// Update `checks_mirrors` of the driver in `slot`: whether it looks at the adjacent lanes at this decision.
 ///
-/// Returns the neighbours that are needed in any simulation of the block: all where the driver looks at the adjacent
-/// lanes, and the leaders there while it changes lanes without a look, because it watches only these.
+/// Returns the neighbours that are needed in any simulation of the block: all if the driver looks at the adjacent
+/// lanes, and only the leaders of all three lanes if it is changing lanes without a look, because it then watches only
+/// these.
 #[inline(always)]
 fn update_gaze<S: Simd, const N: usize>(
     state: &mut State<S, N>,

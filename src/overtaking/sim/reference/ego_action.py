@@ -145,8 +145,9 @@ def can_return(state: State) -> Mask:
     """Whether the ego follows or passes and has a lane on its right.
 
     Returns:
-        Shape (simulation,). A passing ego need not have finished its lane change: after it has
-        cancelled a return, it may return again at once.
+        Shape (simulation,). An ego that follows may change to the right without an overtake. A
+        passing ego need not have finished its lane change: after it has cancelled a return, it may
+        return again at once.
     """
     follows = state.is_in_stage(Stage.FOLLOW, EGO_SLOT) & state.has_finished_lane_change(EGO_SLOT)
     has_right_lane = state.lane_choice.lane[EGO_SLOT] >= ONE

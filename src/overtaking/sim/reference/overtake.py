@@ -245,7 +245,7 @@ def _set_end_step(
 ) -> None:
     """End the simulation some time after the overtake, or at the deadline if none is under way.
 
-    An attempt that was aborted before the deadline does not prolong it. An ego that indicates a
+    An attempt that was aborted before the deadline does not delay the end. An ego that indicates a
     pull-out at the deadline goes on with its attempt.
     """
     constants, stage_done = params.constants, np.float32(Stage.DONE)
