@@ -280,6 +280,7 @@ def _surroundings(case: Case, instants: Instants) -> RoadAndWeather:
         night=weather.night,
         low_sun=weather.low_sun,
         rain=weather_effects(trajectories.scenario).rain_rate,
+        # Of fog alone; `sight_lit` and `sight_unlit` contain the rain too.
         optical_range=meteorological_range(weather.fog),
         wind=constant("weather.wind.full_speed") * (weather.wind * _PERCENT),
         friction=signals.friction[instants],

@@ -76,11 +76,14 @@ def event_thresholds(trajectories: Trajectories) -> dict[str, Any]:
 
     Lengths are in metres, times in frames, angles in steps of 0.1 mrad; the time gap is in seconds.
     The keys are the names of `EventThresholds` in the engine, which explains each; the file states
-    the reasons of the values. A fast movement leads to the left by `min_advance` within `advance`
-    frames; in the `follow_up` frames after it the ego may still leave its lane or come back. A wide
-    movement leads `min_shift` away from the median position of the `window` frames before it, in
-    `min_frames` frames or more above `min_speed`. It is undone if the ego comes back to within
-    `settled_shift`. A corner is over a line if it is farther beyond it than `over_line`.
+    the reasons of the values.
+
+    Without crossing the line, a fast movement can be an attempt, and a wide one a drift. A fast
+    movement leads to the left by `min_advance` within `advance` frames. It is an attempt only if,
+    within the `follow_up` frames after it, the ego is over the line or back. A wide movement leads
+    `min_shift` away from the median position of the `window` frames before it, in `min_frames`
+    frames or more above `min_speed`. The ego is back if it has been `min_shift` away and comes to
+    within `settled_shift`. A corner is over a line if it is farther beyond it than `over_line`.
     """
     road, kind = trajectories.road, trajectories.scenario.vehicles.kind[:, EGO_SLOT]
 
@@ -106,6 +109,8 @@ def event_thresholds(trajectories: Trajectories) -> dict[str, Any]:
         "settled_shift": float(constant("event_detection.motion.settled_shift")),
         "over_line": float(constant("event_detection.attempt.over_line")),
         "follow_time_gap": float(constant("event_detection.phases.follow_time_gap")),
+        # The direction of a straight road, which the engine subtracts from headings. On a road that
+        # bends, headings already are angles to the road, and it is 0.
         "direction": round(HEADING_UNITS_PER_RADIAN * trajectories.headings_and_origin[1]),
         "spin_angle": round(
             HEADING_UNITS_PER_RADIAN * float(constant("model.departure.spin_angle"))

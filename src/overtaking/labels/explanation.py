@@ -143,7 +143,7 @@ class UndecidedRule:
         rule: The rule.
         policies: Names of the policies that require it.
         missing_inputs: Names of inputs that the rule needs and the recording does not state, in
-            alphabetical order.
+            alphabetical order; empty if, for example, only measurement errors leave it undecided.
         is_text_unread: Whether the rule is undecidable because the authors of its pack did not read
             the text of the law.
     """

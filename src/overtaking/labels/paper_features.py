@@ -210,7 +210,7 @@ def _first_event_or_last_frame(case: Case, *events: I32) -> I32:
     """Frame of an event, else the last frame, shape (simulation,).
 
     Of events that happen in the same simulation, the one that is listed first counts, even if it is
-    later in time.
+    later in time: a collision after the return belongs to the overtake.
     """
     end = case.events.last
     for event in reversed(events):

@@ -344,7 +344,7 @@ def oncoming_measures(case: Case) -> PassingSafety:
 
 
 def _no_measures(num_simulations: int) -> PassingSafety:
-    """The measures on a one-way road: numbers NaN, flags false (`was_aborted` in any case)."""
+    """The measures on a one-way road: numbers are NaN, and flags false, even after an abort."""
     columns: dict[str, Any] = {
         name: np.full(num_simulations, False if field.is_flag else _NAN)
         for name, field in batch_fields(PassingSafety).items()

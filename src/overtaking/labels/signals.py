@@ -271,7 +271,8 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
         film: Mean water film of each lane, puddles included, shape (simulation, `MAX_LANES`): the
             engine expects this length, whatever the number of lanes [mm].
         tyre_wear, has_truck_tyres: Tread wear of the ego, and 1 for truck tyres.
-        fog, rain: Extinction coefficient of fog, and of rain for an observer at rest [1/m].
+        fog, rain: Extinction coefficient of fog, and of rain for an observer at rest; the engine
+            increases the second with the speed of the ego [1/m].
         contrast_depth: Optical depth at which a vehicle of medium contrast becomes invisible.
         lamp_depth: Logarithm of a rear lamp's intensity over the threshold of detection.
         lamp_clear: Distance at which a rear lamp is detected in clear air [m].

@@ -405,7 +405,8 @@ class OtherVehicles:
         speed: Speed in the vehicle's own direction, never negative [m/s].
         lane: Lane index.
         lights: Bits of `Lights`.
-        is_oncoming: Whether the vehicle's heading in that frame points against the road.
+        is_oncoming: Whether the vehicle's heading in that frame points against the road; the
+            function `is_oncoming` takes the first recorded frame.
     """
 
     valid: Mask

@@ -23,8 +23,8 @@ from overtaking.model.verdicts import Belief, Case
 _LATEST_PULL_OUT_S = 1.0
 """Time after `attempt` up to which the decision to pull out may follow [s], a choice.
 
-A driver decides before the vehicle moves. But `attempt` is the start of a movement to the left, and
-a gust may have started it before the driver decided.
+A driver decides before the vehicle moves. But `attempt` is the start of a movement to the
+overtaking side, and a gust may have started it before the driver decided.
 """
 
 

@@ -190,8 +190,9 @@ def opposing_lane_span(case: Case) -> FrameSpan:
     never = np.full(len(span.first), NEVER)
     if not road.is_two_way:
         return FrameSpan(first=never + np.int32(1), last=never)  # Empty.
-    # Lateral positions in signals, such as `left_edge`, grow to the overtaking side. The offsets of
-    # lane boundaries grow to the left, in left-hand traffic the kerb side: there the sign is -1.
+    # `left_edge` is positive towards the overtaking side, which in left-hand traffic is the right.
+    # `lane_boundaries` are positive towards the left in both; the sign, -1 in left-hand traffic,
+    # converts them.
     line = np.float32(road.overtaking_sign * road.lane_boundaries[-1]) + LINE_TOLERANCE.f32
     rows = np.flatnonzero(span.is_nonempty)
     # `breach_frames_in` finds the first and last frame of any condition; to be over the line is not
@@ -375,6 +376,7 @@ def nearest_oncoming_at(
     simulation = np.arange(len(frame)) if simulation is None else simulation
     # At `NEVER` this reads frame 0; `has_oncoming` drops the result.
     others, index = other_vehicles_at(case.trajectories, frame, simulation), np.arange(len(frame))
+    # Approaching vehicles are ahead of the ego; an oncoming vehicle that it has met is behind.
     gaps = np.where(others.is_approaching, others.gap, np.inf)
     slot = gaps.argmin(axis=1)
     gap, ego_speed = gaps[index, slot], case.signals.speed[simulation, np.maximum(frame, 0)]
@@ -534,6 +536,7 @@ def _posted_limit(trajectories: Trajectories, ahead: float) -> F32:
     """
     if not has_changing_limit(trajectories):
         return np.full((1, 1), trajectories.road.speed_limit, np.float32)
+    # Roads are computed in float64; `METRES_PER_MM` is the same factor in float32.
     return as_f32(
         trajectories.road.speed_limit_at(
             trajectories.states.s[:, EGO_SLOT] * POSITION_RESOLUTION + ahead

@@ -520,6 +520,7 @@ O13 = Rule(
     grade=Grade.LIGHT,
     required_by=NO_POLICY,
     is_duty_of_ego=False,
+    # "It" is the overtaken vehicle. Up to a small acceleration its speed counts as held.
     limit_phrase="the acceleration at which it still holds its speed",
     text_source=TextSource.READ,
     consulted_source="5(6) at dein-gesetz.de and fuehrerschein-bestehen.de",

@@ -210,6 +210,8 @@ def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) 
     }
     version = pack.version
     if case.trajectories.road.is_two_way:
+        # The rules for two-way roads, which came later, have a version of their own: so findings on
+        # one-way roads kept theirs.
         version += pack.two_way_version
     if errors is not None:
         version += str(errors)  # So that findings with and without errors cannot be confused.
@@ -320,7 +322,10 @@ def policies_of_law(pack: str) -> tuple[Policy, ...]:
 STORED_POLICIES = tuple(
     policy for policy in policies_of_law("pt") if policy.name in STORED_POLICY_NAMES
 )
-"""The policies that data sets store, with the rules of the Portuguese pack."""
+"""The policies that data sets store, with the rules of the Portuguese pack.
+
+Data sets hold verdicts by Portuguese law only; verdicts by other laws are computed on request.
+"""
 
 
 def default_policy(profile: str) -> str:

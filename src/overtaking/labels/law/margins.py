@@ -242,7 +242,7 @@ def scan_spans(case: Case, spans: dict[str, FrameSpan]) -> ScanResults:
         ),
         entry_arrival=frames["entry.arrival"],
         return_arrival=frames["return.arrival"],
-        worst_measures=measures,
+        worst_measures=measures,  # Contains the four minima as well, under their names.
         recorded_sums=results["sums"],
     )
 
@@ -300,7 +300,7 @@ def reduce_span(reduction: np.ufunc, values: NDArray[Any], span: FrameSpan) -> N
     index[1::2] = row_begin + np.where(is_nonempty, span.last + 1, 1)
     flat = values.reshape(-1)
     # `reduceat` reduces from each index to the next: every second result belongs to a span. It
-    # accepts no index beyond the array, and the last span needs none.
+    # accepts no index beyond the array; from the last index it reduces to the end of the array.
     return reduction.reduceat(flat, index[index < flat.size])[::2]
 
 

@@ -180,7 +180,9 @@ def gap_error(
 def encounter_with_error(
     encounter: Encounter, ego_error: StateError, neighbour_error: StateError, *, is_ahead: bool
 ) -> Encounter:
-    """A neighbour as measured with errors of gap and closing speed; its times stay as they were.
+    """A neighbour with errors of gap and closing speed.
+
+    Its time gap, its times to collision and its DRAC keep the values without errors.
 
     Args:
         encounter: The neighbour without these errors.

@@ -86,7 +86,10 @@ ENTRY_TTC = quantity(
 LATERAL_ERROR_SHARE = quantity(
     0.25, "1", why="A measured speed of half the limit is then two standard errors below the limit"
 )
-"""Largest standard error of a lateral speed, as a share of the limit with which it is compared."""
+"""Largest standard error of a lateral speed, as a share of the limit with which it is compared.
+
+The time over which the speed of a recording is measured grows until the error is that small.
+"""
 
 LATERAL_NOISE_TIME = quantity(1.0, "s", why="Short against a lane change, which lasts 5 s")
 """Time before and after a frame over which the noise of a recorded lateral position is measured.
@@ -124,7 +127,7 @@ ONCOMING_TIME = quantity(
     1.0,
     "s",
     "aashto-green-book-2018",
-    why="Clearance at the end of the passing sight distance, at both speeds",
+    why="Clearance at the end of the passing sight distance, at the sum of both speeds",
 )
 """Smallest time to an oncoming vehicle when the ego is back in its lane."""
 

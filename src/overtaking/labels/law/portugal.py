@@ -10,7 +10,7 @@ another rule (such as `return_rule`), it only names this rule in its sentence (`
 - `required_by`: which of the policies `paper`, `default`, `strict`, `serious` and `enforced`
   require the rule. `EVERY_POLICY`: the 22 columns of the data of the reproduced study (Pinto, Dutra
   and Fonseca, 2023) suffice to decide it.
-  `DEFAULT_AND_STRICTER`, all but `paper`: it also needs the road or the weather. `STRICT_ONLY`:
+  `DEFAULT_AND_STRICTER`, all but `paper`: it also needs the road or its friction. `STRICT_ONLY`:
   signals, lamps, keeping right, the intentions of others, and uncertain readings.
   `ALL_BUT_STRICT`: `strict` requires the variant with an s instead. `NO_POLICY`: the duty is
   another vehicle's.
@@ -250,8 +250,8 @@ L10 = Rule(
         min_outside=quantity(
             0.8,
             "m",
-            why="A choice; the Code says 'enough'. Below 0.5 m the monitor of highway rules "
-            "(stl-monitor) calls another vehicle close",
+            why="A choice; the Code says 'enough'. It is above the 0.5 m below which the monitor "
+            "of highway rules (stl-monitor) calls another vehicle close",
         )
     ),
     grade=Grade.BY_ROAD,
@@ -378,6 +378,7 @@ L15 = Rule(
     "is needed.",
     criterion=MinimumSightDistance(min_sight=_MIN_SIGHT),
     grade=Grade.BY_ROAD,
+    # Also `paper`: the study's columns contain fog and rain, which limit this sight.
     required_by=ALL_BUT_STRICT,
     limit_phrase="the least visibility for overtaking",
     text_source=TextSource.SECONDARY,
@@ -537,6 +538,7 @@ L22 = Rule(
     grade=Grade.BY_ROAD,
     required_by=NO_POLICY,
     is_duty_of_ego=False,
+    # "It" is the overtaken vehicle. Up to a small acceleration its speed counts as held.
     limit_phrase="the acceleration at which it still holds its speed",
     text_source=TextSource.READ,
     consulted_source="39 in the decree (page 69)",
@@ -650,8 +652,8 @@ L29 = Rule(
     title="Signs against overtaking",
     gloss="Sign C14a forbids to overtake motor vehicles other than two-wheelers. Sign C14b forbids "
     "heavy vehicles to overtake, sign C14c motorcycles and mopeds.",
-    # L25 to L29 came with two-way roads. The criteria of L25 to L28 apply to such roads alone. This
-    # one could judge one-way roads as well; their tables, made before, would then have new rows.
+    # L25 to L29 came with two-way roads, and tables of one-way roads leave them out, so that these
+    # tables have the rows that they had before. Of these rules only L29 could judge such roads.
     criterion=NoOvertakingSigns(has_sign_for_motorcycles=True, only_two_way_roads=True),
     grade=Grade.BY_ROAD,
     required_by=DEFAULT_AND_STRICTER,
@@ -669,9 +671,9 @@ _RULES = (
 )
 # fmt: on
 
-# The second version of these readings of the text of 2013. On two-way roads the version is
-# `pt-2@2013+opposite-1`, with the version of the readings that came with these roads. So data sets
-# of one-way roads keep the version that they had before.
+# `pt-2@2013` is the second version of these readings of the text of 2013. On two-way roads the
+# version is `pt-2@2013+opposite-1`: the suffix is the version of the rules that came with these
+# roads. So data sets of one-way roads keep the version that they had before.
 PORTUGAL = Pack(
     name="pt",
     version="pt-2@2013",

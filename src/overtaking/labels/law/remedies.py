@@ -31,7 +31,7 @@ class RemedyQuantity(StrEnum):
 
     GAP_AHEAD = "gap_ahead", "m"  # Between the bumpers of the ego and a vehicle ahead.
     GAP_BEHIND = "gap_behind", "m"  # Between the bumpers of the ego and a vehicle behind.
-    GAP_ONCOMING = "gap_oncoming", "m"  # Between the ego and a vehicle that comes towards it.
+    GAP_ONCOMING = "gap_oncoming", "m"  # Between the ego and an oncoming vehicle.
     GAP_TO_RETURN = "gap_to_return", "m"  # Between the vehicles that the ego returns between.
     LATERAL_GAP = "lateral_gap", "m"  # Between the sides of ego and target.
     # From the side of a vehicle to the line that it must not cross; negative beyond the line.
@@ -48,8 +48,8 @@ class RemedyQuantity(StrEnum):
     WRONG_LAMPS = "wrong_lamps", "s"  # Time with lamps that are wrong.
     TARGET_DRIFT = "target_drift", "m/s"  # Speed of the target to the left.
     TARGET_ACCEL = "target_accel", "m/s^2"  # Acceleration of the target.
-    EVASION = "evasion", "m"  # How far a vehicle that comes leaves its lane.
-    ONCOMING_BRAKING = "oncoming_braking", "m/s^2"  # Of a vehicle that comes towards the ego.
+    EVASION = "evasion", "m"  # How far an oncoming vehicle leaves its lane.
+    ONCOMING_BRAKING = "oncoming_braking", "m/s^2"  # Of an oncoming vehicle.
 
     unit: str
 

@@ -249,7 +249,8 @@ class Pack:
     Attributes:
         name: Short name.
         version: Version of the readings; it changes whenever a verdict may change.
-        two_way_version: Suffix of `version` on roads with oncoming traffic.
+        two_way_version: Suffix of `version` on roads with oncoming traffic: the version of the
+            rules that were added for them.
         rules: The rules, in the order of every table.
         source: Id of the source of the texts, for rules that state none.
         edition: Edition of the law, with the day on which it was read.
