@@ -125,6 +125,8 @@ def deciding_frame(
 ) -> I32:
     """First frame of a span in which a margin is nearest to the margin of a finding.
 
+    The two need not be equal: recomputed margins may differ in the last bits.
+
     Args:
         span: The frames that the rule judges.
         margin: Function from simulation and frame of each instant to its margin.

@@ -167,7 +167,7 @@ class BreachContext:
             allowed: Highest lawful speed in each frame, `NO_SPEED` where none is lawful [m/s].
 
         Returns:
-            One remedy; none if no speed is lawful in one of the frames.
+            One remedy; none if there is a frame in which no speed is lawful.
         """
         if (allowed < 0).any():
             return ()
