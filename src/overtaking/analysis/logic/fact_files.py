@@ -66,7 +66,10 @@ SIMULATIONS_PER_FILE = 1000
 _PROGRAMS_OF_LANGUAGE = {"asp": ("theory.lp", "law.lp"), "prolog": ("theory.pl",)}
 
 _FACTS_PER_STATEMENT = 100
-"""Largest number of facts in one pool, which clingo reads faster than single facts; a choice."""
+"""Largest number of facts in one pool such as `night(3;7).`, a choice.
+
+clingo reads a pool faster than single facts.
+"""
 
 _STRING = pa.large_string()
 
@@ -102,7 +105,8 @@ class RequestedFacts:
     def _matches(self, fact: Fact, columns: FactColumns) -> NDArray[np.bool_]:
         """Which facts of a predicate match a pattern.
 
-        Only constants are compared. A pattern with a number selects facts with other numbers, too.
+        Only constants are compared. A pattern with a number also selects facts with other numbers,
+        which the rules then do not match.
         """
         matches_any = np.zeros(len(columns[0]), np.bool_)
         for pattern in self.patterns[fact.name]:

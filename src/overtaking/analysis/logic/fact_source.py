@@ -187,7 +187,7 @@ class FactSource:
 
 
 def _changed_frames(values: NDArray[np.integer], valid: Mask) -> Mask:
-    """Whether a value differs from the value in the frame before, of the same shape."""
+    """Whether a value differs from the one in the frame before, where both frames are valid."""
     is_changed = np.zeros(valid.shape, np.bool_)
     is_changed[..., 1:] = valid[..., 1:] & valid[..., :-1] & (values[..., 1:] != values[..., :-1])
     return is_changed

@@ -46,8 +46,9 @@ PROGRAM_FILES = ("theory.lp", "law.lp")
 # labels and meaning. The groups are name, arguments and meaning.
 _DECLARATION = re.compile(r"^%: (\w+)\(([^)]*)\)(?:  (.+))?$", re.MULTILINE)
 _GLOSS_PREFIX = "%~ "
-# `parse_rules` replaces the constants of the theory and the law by their values. The rule of a
-# query is parsed apart from both, so its `ego` is still a name, which this line defines.
+# The rules of the theory and the law have values in place of names of constants (`parse_rules`). The
+# rule of a query keeps the name `ego`, since it is parsed alone, without the `#const` of the theory.
+# So this line comes before the rules in each program that clingo gets.
 _PREAMBLE = "#const ego = 0.\n"
 
 
@@ -495,7 +496,8 @@ def variable_ranges(
     """The ranges of the variables of a rule.
 
     The range of a variable is the intersection of the types of the arguments at which it occurs. A
-    variable without arguments has the range of the comparison or count that assigns it.
+    variable that is no argument of a predicate has the range of the comparison or count that
+    assigns it.
 
     Args:
         trees: As in `overflows`.

@@ -149,7 +149,8 @@ def _instance_rule(index: int, rule: ProgramRule) -> _InstanceRule:
     ]
     head = rule.tree.head
     is_pool = node_kind(head.atom) == "SymbolicAtom" and node_kind(head.atom.symbol) == "Pool"
-    if not body or is_pool:  # A fact of the program, such as a threshold, has no premises.
+    # A fact of the program has no premises. Among heads only facts are pools: `rule(l1;l2).`
+    if not body or is_pool:
         return _InstanceRule(rule=rule, variables=(), text="")
     variables = tuple(answer_variables(body))
     # The trailing commas make tuples of the lists, also of an empty list or of a single member.
@@ -231,6 +232,8 @@ class _Derivation:
         instance_rule = self._rules[instance.rule_index]
         literals = instance_rule.rule.tree.body
         values = dict(zip(instance_rule.variables, instance.values, strict=True))
+        # Facts and conditions are of this instance, at the end of its chain; the premises are of the
+        # beginning.
         facts = [_atom_text(premise) for premise in instance.body if premise not in self._instances]
         derived = [premise for premise in body_at_chain_begin if premise in self._instances]
         gloss = instance_rule.rule.gloss

@@ -154,8 +154,8 @@ def parse_query(text: str) -> Query:
     _check_sums(tree)
     names = list(answer_variables(tree.body))
     head = f"{ANSWER_PREDICATE}({','.join(names)})" if names else ANSWER_PREDICATE
-    # The lines of the condition are its own, as in `_parse_condition`: clingo's positions then have
-    # the columns of the query.
+    # The condition has lines of its own, as in `_parse_condition`, so that a column in clingo's
+    # messages is a column of the query.
     rules = (*rules_for_queries(), *parse_rules(f"{head} :-\n{condition}\n."))
     any_values = (None,) * len(names)
     needed = rules_needed_by([(ANSWER_PREDICATE, any_values)], rules)
@@ -453,7 +453,7 @@ class Answers(ShownAsTable, ContentEquality):
 
     Attributes:
         columns: The variables of the query.
-        rows: Their values, in order.
+        rows: For each answer the values of the variables, in the order of `columns`.
         is_cut: Whether answers beyond the limit were left out.
         num_simulations: Number of simulations that were queried; fewer than requested if the query
             ended at the limit.

@@ -36,7 +36,8 @@ class Reasoner:
     Args:
         program: Rules.
         predicates: Predicates whose atoms are returned, in this order. The arguments of an atom are
-            a row, without the name of its predicate.
+            a row, without the name of its predicate: a caller that needs the name asks for one
+            predicate.
         max_rows: Largest number of rows of a group. If more atoms follow, `solve` returns
             `max_rows + 1` rows.
         timeout_s: Time limit for all groups together [s].
@@ -84,7 +85,7 @@ class Reasoner:
         self._worker.close()
 
     def solve(self, facts: bytes) -> list[list[Any]]:
-        """The arguments of each atom of the predicates that follows from the facts.
+        """The conclusions from the facts: for each atom of the predicates, its arguments.
 
         After an error the reasoner must be left: its process has ended, or still computes.
 

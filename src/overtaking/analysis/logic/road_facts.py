@@ -107,6 +107,7 @@ def _lower_limits(source: FactSource) -> FactColumns:
 
 def _first_position_from(stations: NDArray[np.float64]) -> NDArray[np.int64]:
     """The first recordable position, in whole millimetres, at or beyond each station in m [mm]."""
+    # `POSITION_RESOLUTION` is 0.001 m, so the quotient is in mm.
     first = np.ceil(stations / POSITION_RESOLUTION).astype(np.int64)
     # The quotient is rounded, so its ceiling may be one too high or one too low.
     first -= (first - 1) * POSITION_RESOLUTION >= stations
@@ -159,10 +160,9 @@ def _lane_marks(source: FactSource) -> FactColumns:
     facts: list[tuple[int, int, int]] = []
     for index, lane in enumerate(road.lanes):
         slow_mark, fast_mark = _side_marks(road, lane)
-        # A lane has its marks as seen from inside: the slow line from its left, the overtaking
-        # side, and the fast line, which is the slow line of the next lane, from its right. The line
-        # on the fast side of the last lane is left out if it changes along the road: the predicate
-        # `line` then has it.
+        # The marks of a lane are as seen from inside the lane: it lies on the left of its slow line
+        # `index`, and on the right of its fast line `index + 1`. The fast line of the last lane is
+        # left out if it changes along the road: the predicate `line` then has it.
         facts.append((index, SIDES.index("left"), _mark_code(slow_mark)))
         if index + 1 < road.num_lanes or not _has_varying_edge_mark(road):
             facts.append((index + 1, SIDES.index("right"), _mark_code(fast_mark)))
@@ -198,6 +198,7 @@ def _has_varying_edge_mark(road: Road) -> bool:
 def _edge_marks_along(source: FactSource) -> FactColumns:
     if not _has_varying_edge_mark(source.road):
         return no_facts(3)
+    # As seen from the fastest lane.
     begins, marks = zip(*source.road.overtaking_edge_marks, strict=True)
     # The first stretch begins at minus infinity, and the last ends at infinity, which no integer
     # holds. A road lies between 0 and `MAX_LENGTH`, so cutting both beyond the road loses nothing.
@@ -218,7 +219,8 @@ def _zones(source: FactSource) -> FactColumns:
     zones = all_zones_for(source.road, direction=1)
     codes = [ZONE_KIND.constants.index(zone.kind.name.lower()) for zone in zones]
     ends = np.array([(zone.start, zone.stop) for zone in zones]).reshape(-1, 2)
-    # To the nearest: an end moves by at most half a millimetre.
+    # Not rounded up as the ends of limits: the rules compare zones with the ego's front, `X + L/2`,
+    # which may end in half a millimetre, so no whole end gives the same result in every case.
     return (
         np.array(codes, np.int64),
         nearest_thousandths(ends[:, 0]),

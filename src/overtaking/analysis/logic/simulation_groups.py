@@ -20,7 +20,10 @@ if TYPE_CHECKING:
     from overtaking.model.verdicts import Case
 
 GROUP_SIZE = 64
-"""Number of simulations whose facts are in memory at the same time, as columns and as text."""
+"""Number of simulations whose facts are in memory at the same time, as columns and as text.
+
+A choice.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,11 +82,13 @@ def _read_labels(dataset: Dataset, simulation_ids: I64) -> tuple[I64, I64]:
     """Codes of the classes, shape (simulation, policy), and of the outcomes, shape (simulation,).
 
     The simulations are from one file, in order. The file has a row for each simulation and policy;
-    the policies of a simulation are adjacent, in the order of `POLICY`.
+    the policies of a simulation are adjacent, in the order of `POLICY`. All rows from the first to
+    the last number are read, and the requested ones selected at the end.
     """
     first_id, num_policies = int(simulation_ids[0]), len(POLICY.constants)
     rows = dataset.rows("labels", first_id, int(simulation_ids[-1]))
-    # The file has names such as `Success_I`; constants of programs are in lower case.
+    # The file has classes such as `Success_I`, and outcomes in lower case; constants of programs are
+    # in lower case.
     class_codes = [CLASS.constants.index(name.lower()) for name in rows["class"].to_pylist()]
     classes = np.array(class_codes).reshape(-1, num_policies)
     names = rows["outcome"].to_pylist()[::num_policies]

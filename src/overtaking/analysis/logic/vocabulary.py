@@ -110,6 +110,7 @@ ROLE = _enumeration(
 SIDE = _enumeration("side", "left is the overtaking side", *SIDES)
 MARK = _enumeration("mark", "line as seen from one side", *(mark.name for mark in RoadMark))
 ZONE_KIND = _enumeration("zone_kind", "kind of zone", *(kind.name for kind in ZoneKind))
+# Roads of all further kinds are "other".
 ROAD = _enumeration("road", "kind of road", "motorway", "other", "town")
 POLICY = _enumeration("policy", "set of rules that count", *(p.name for p in STORED_POLICIES))
 CLASS = _enumeration("class", "class of a simulation", *(c.title for c in OvertakeClass))
