@@ -232,7 +232,7 @@ class _Derivation:
         instance_rule = self._rules[instance.rule_index]
         literals = instance_rule.rule.tree.body
         values = dict(zip(instance_rule.variables, instance.values, strict=True))
-        # Facts and conditions are of this instance, at the end of its chain; the premises are of the
+        # Facts and conditions are of this instance, at the end of its chain; premises are of the
         # beginning.
         facts = [_atom_text(premise) for premise in instance.body if premise not in self._instances]
         derived = [premise for premise in body_at_chain_begin if premise in self._instances]
