@@ -46,9 +46,9 @@ PROGRAM_FILES = ("theory.lp", "law.lp")
 # labels and meaning. The groups are name, arguments and meaning.
 _DECLARATION = re.compile(r"^%: (\w+)\(([^)]*)\)(?:  (.+))?$", re.MULTILINE)
 _GLOSS_PREFIX = "%~ "
-# The rules of the theory and the law have values in place of the names of constants (`parse_rules`).
-# The rule of a query keeps the name `ego`: it is parsed alone, without the `#const` of the theory.
-# So this line comes before the rules in each program for clingo.
+# In the rules of the theory and the law, values replace the names of constants (`parse_rules`). The
+# rule of a query keeps the name `ego`: it is parsed alone, without the `#const` of the theory. So
+# this line comes before the rules in each program for clingo.
 _PREAMBLE = "#const ego = 0.\n"
 
 
