@@ -58,9 +58,9 @@ class ScenarioVersion:
 
     Attributes:
         frame: First frame at which this version holds.
-        scenario: Weather, drivers and vehicle bodies from this frame on. A difference from the
-            `start_s` of the previous version displaces the vehicle by as much, and a difference
-            from its `start_speed` changes the speed by as much.
+        scenario: Weather, drivers and vehicle bodies from this frame on. If `start_s` differs from
+            the previous version, the vehicle is displaced by the difference at this frame; a
+            difference in `start_speed` changes the speed by as much.
         decision: Decision forced on every ego, such as STAY (no overtake); FREE forces none.
         scenario_index: Indices from which all random numbers are drawn from this frame on, shape
             (simulation,); None for the indices of the scenario.

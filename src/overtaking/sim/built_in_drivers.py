@@ -118,7 +118,7 @@ def rules(observation: Observation) -> Moves:
     returns = may_return & np.where(checks_mirrors, is_clear, ego.wanted_side < 0)
 
     # The lane change begins at a check of the mirrors, when the indicator has been on long enough.
-    # While the ego gives way to a vehicle that indicates a change to the same gap, it may indicate.
+    # An ego that gives way to a vehicle indicating a change to the same gap only indicates.
     can_begin = (ego.time_indicating >= INDICATOR_LEAD_TIME) & checks_mirrors & (ego.gives_way == 0)
     pull_out_move = np.where(can_begin, Move.PULL_OUT, Move.INDICATE_PULL_OUT)
     return_move = np.where(can_begin, Move.RETURN, Move.INDICATE_RETURN)
@@ -126,7 +126,8 @@ def rules(observation: Observation) -> Moves:
 
     may_cancel = (ego.stage == Stage.PULL_OUT) & (ego.can_cancel_lane_change > 0) & checks_mirrors
     # A small time gap does not cancel a lane change that has begun: turning back can be more
-    # dangerous. Only hard braking of the follower, or a gap below `MIN_GAP`, cancels it.
+    # dangerous. Only hard braking of the follower, or a gap below `MIN_GAP`, cancels it. A lane
+    # change can be cancelled only in its first part, so the new follower is still on the left.
     cancels = may_cancel & ~_is_clear_behind(
         observation, observation.left_follower, max_decel=CANCEL_IMPOSED_DECEL, min_time_gap=0.0
     )

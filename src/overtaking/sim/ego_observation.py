@@ -35,7 +35,8 @@ class EgoObservation(ContentEquality):
     also in left-hand traffic.
 
     Attributes:
-        time: Time since the start of the simulation [s]; in `overtaking.gym`, of the present step.
+        time: Time since the start of the simulation [s]; in `overtaking.gym`, since the start of
+            the present step of the environment.
         is_running: Whether each simulation runs, shape (simulation,). The observations of
             simulations that have ended are zero; in `overtaking.gym` they keep the last values.
         table: All observed values in the order of `model.driver_interface`, which is also the input

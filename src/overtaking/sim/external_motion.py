@@ -2,8 +2,9 @@
 
 The drivers perceive, decide and steer as in a simulation that the engine moves, 20 times a second,
 and the same quantities are recorded. The compiled engine computes them; `sim.reference` has the
-formulas. A tick is one advance of the other simulator, a step the time step of the engine (10 ms),
-a frame a recorded instant, a slot the number of a vehicle in the simulation.
+formulas. A tick is one advance of the other simulator and the interval of decisions, a step the
+time step of the engine (10 ms), a frame a recorded instant, a slot the number of a vehicle in the
+simulation.
 """
 
 import math
@@ -144,6 +145,7 @@ class ExternallyMovedSimulation:
         Source:
             Newton's law of restitution, as in `sim.reference.collisions`.
         """
+        # Parameters have shape (slot, simulation); the batch has one simulation.
         constants, inverse_mass = self._params.constants, self._params.vehicles.inverse_mass[:, 0]
         restitution_factor = 1.0 + float(constants.restitution)
         time = float(np.float32(step) * constants.step)  # [s], in float32 as in the engine.

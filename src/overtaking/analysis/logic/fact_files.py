@@ -86,7 +86,7 @@ class RequestedFacts:
 
     @property
     def roles(self) -> frozenset[str]:
-        """The constants of `ROLE` that are requested in every frame."""
+        """The constants of `ROLE` whose facts of every frame are requested."""
         # These two predicates have a role and facts for every frame.
         patterns = [*self.patterns.get("spacing", ()), *self.patterns.get("forced_braking", ())]
         roles = {pattern[1] for pattern in patterns}  # After the number of the simulation.
@@ -290,7 +290,7 @@ def write_facts(
 
     Args:
         dataset: The data set.
-        out: Folder for the files; it must not exist, or be empty. It appears when it is complete.
+        out: Folder for the files, new or empty. The files appear when all are complete.
         language: A key of `FILE_ENDINGS`.
         simulation_ids: Numbers of its simulations in order; None for all.
         frame_step: Interval between written positions and speeds [frames], 1 or more.

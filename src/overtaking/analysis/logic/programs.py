@@ -137,7 +137,7 @@ class Atom:
         return self.name, len(self.arguments)
 
     def pattern(self, binding: Mapping[str, str]) -> ArgumentPattern:
-        """The constants among its arguments, with the values of bound variables."""
+        """Its arguments as a pattern: constants, values of bound variables, None for any value."""
         return tuple(
             binding.get(argument) if _is_variable(argument) else argument
             for argument in self.arguments

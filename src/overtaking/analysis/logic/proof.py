@@ -258,21 +258,24 @@ class _Derivation:
         """Follow a recursive rule back to the first instance of its chain.
 
         Returns:
-            The body of that instance, and the number of instances before `instance` in the chain.
+            The body of that first instance, and the number of instances that precede the argument
+            `instance` in the chain.
         """
         num_skipped = 0
         while True:
-            premises = [
+            previous_instances = [
                 self._instances[premise][0]
                 for premise in instance.body
                 if premise in self._instances
             ]
-            same_rule = [
-                premise for premise in premises if premise.rule_index == instance.rule_index
+            instances_of_same_rule = [
+                previous
+                for previous in previous_instances
+                if previous.rule_index == instance.rule_index
             ]
-            if not same_rule:
+            if not instances_of_same_rule:
                 return instance.body, num_skipped
-            instance, num_skipped = same_rule[0], num_skipped + 1
+            instance, num_skipped = instances_of_same_rule[0], num_skipped + 1
 
 
 def _ground_atom(term: Any) -> GroundAtom:

@@ -85,6 +85,7 @@ _AGGREGATES = ("count", "sum", "min", "max", "true", "false")
 _STRING = re.compile(r'"(?:[^"\\\n]|\\.)*"')
 _DIRECTIVE = re.compile(r"#\s*(\w*)")
 _NUMBER = re.compile(r"\d+")
+# Line, column and text of a message such as `<string>:2:5-9: error: syntax error`.
 _ERROR_POSITION = re.compile(r":(\d+):(\d+)(?:-[\d:]+)?: error: (.*)", re.DOTALL)
 _UNSAFE_VARIABLE = re.compile(r"'(\w+)' is unsafe")
 # Longest part of a message of clingo that an error repeats [characters]: a choice, about a line.

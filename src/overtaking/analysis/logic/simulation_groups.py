@@ -87,8 +87,8 @@ def _read_labels(dataset: Dataset, simulation_ids: I64) -> tuple[I64, I64]:
     """
     first_id, num_policies = int(simulation_ids[0]), len(POLICY.constants)
     rows = dataset.rows("labels", first_id, int(simulation_ids[-1]))
-    # Constants of programs are in lower case; the file has classes such as `Success_I`. Outcomes are
-    # in lower case in both.
+    # Constants of programs are in lower case. The file has classes such as `Success_I`, but its
+    # outcomes are in lower case.
     class_codes = [CLASS.constants.index(name.lower()) for name in rows["class"].to_pylist()]
     classes = np.array(class_codes).reshape(-1, num_policies)
     names = rows["outcome"].to_pylist()[::num_policies]
