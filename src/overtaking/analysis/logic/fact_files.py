@@ -139,7 +139,7 @@ def measure_road_facts(group: SimulationGroup, requested: RequestedFacts) -> dic
     Returns:
         For each predicate the columns of its arguments; constants as their codes.
     """
-    # Facts of the road do not depend on the step.
+    # Facts of the road do not depend on the frame step.
     return _measure_requested(ROAD_FACTS, group, requested, DEFAULT_FRAME_STEP)
 
 

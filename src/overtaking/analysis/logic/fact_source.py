@@ -138,12 +138,12 @@ class FactSource:
         """Which frames have positions and speeds, shape (simulation, frame).
 
         One frame in `frame_step`, the last frame, and all frames in which lanes, order or events
-        change. Conclusions about these changes then have the same frame for every step.
+        change. Conclusions about these changes then have the same frame for every frame step.
         """
         events, valid = self.case.events, self.signals.valid  # Recorded frames.
         frame = np.arange(valid.shape[1])
         is_written = (frame % self.frame_step == 0) | (frame == events.last[:, None])
-        # With a step of 1 every frame is written already.
+        # With a frame step of 1 every frame is written already.
         if self.frame_step > 1:
             is_written = is_written | _changed_frames(self.states.lane, self.is_near).any(axis=1)
             is_written |= _frames_with_new_order(self)

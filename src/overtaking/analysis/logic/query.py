@@ -485,7 +485,7 @@ def ask(
     memory_mib: int = MEMORY_MIB,
     progress: ProgressCallback | None = None,
 ) -> Answers:
-    """Answer a query of a data set; each simulation is queried on its own.
+    """Answer a query of a data set, one group of simulations after the other.
 
     Args:
         dataset: The data set.
@@ -517,7 +517,8 @@ def ask(
     ) as reasoner:
         for group in read_groups(dataset, simulation_ids):
             frame_interval_ms = group.case.signals.frame_interval_ms
-            # A pool is a short way to write several facts, `night(3;7)`; each names its simulation.
+            # A pool is a short way to write several facts, `night(3;7)`. Each fact names its
+            # simulation, so a query whose atoms share the variable `S` is answered within each one.
             facts = pooled_facts(group, parsed.requested_facts, frame_step)
             group_rows = _solve_group(reasoner, facts)
             bytes_left = remaining_answer_bytes(bytes_left, group_rows, "ask", memory_mib)
