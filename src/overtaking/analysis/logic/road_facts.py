@@ -204,6 +204,7 @@ def _edge_marks_along(source: FactSource) -> FactColumns:
     # holds. A road lies between 0 and `MAX_LENGTH`, so cutting both beyond the road loses nothing.
     ends = np.clip([*begins, np.inf], -MAX_LENGTH, 2.0 * MAX_LENGTH)
     codes = np.array([_mark_code(mark) for mark in marks])
+    # Not rounded up as the ends of limits: an end moves by at most half a millimetre.
     return nearest_thousandths(ends[:-1]), nearest_thousandths(ends[1:]), codes
 
 
