@@ -174,7 +174,7 @@ struct NeighbourMotion<S: Simd> {
 }
 
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
-    /// The model driver's beliefs about a neighbour.
+    /// The model driver's beliefs about a neighbour; `unseen_gap` and zeros without detection.
     ///
     /// In the profile of the study by Pinto et al. (2023) the ego changes lanes by that study's script, which decides
     /// by the true closing speed to the leader: by its belief the ego would pull out too late. The column of such
@@ -305,7 +305,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             sight_distance: oncoming.sight_distance,
             is_certain: flag(oncoming.is_certain),
             expected_closing_speed: self.expected_closing_speed(),
-            // By the definition of the column ahead of the leader, also while the ego overtakes.
+            // The column is defined by the leader, not by the target, also while the ego overtakes.
             gap_ahead_of_leader: at_most(
                 self.gap_ahead_of(leader_slot),
                 params.constants.unseen_gap,

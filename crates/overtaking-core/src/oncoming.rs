@@ -27,7 +27,8 @@ use crate::perception::{
 use crate::state::{EGO_SLOT, FAR, LEADER, NEVER_LOOKED, NO_SLOT, State};
 use crate::vehicle_handle::VehicleHandle;
 
-/// Smallest closing speed, which keeps the time until vehicles meet finite [m/s].
+/// Smallest closing speed, which keeps the time until vehicles meet finite [m/s]. A choice, as the larger one of
+/// `passing`.
 const MIN_CLOSING_SPEED: f32 = 0.1;
 
 /// Index in `Attention::oncoming_slot` and `oncoming_time_in_view` of the nearest oncoming vehicle in any lane.
@@ -160,8 +161,8 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
 /// Whether the driver in `slot` has looked long enough to know if a vehicle is coming; updates the time in view.
 ///
 /// `lanes` is `IN_ANY_LANE` or `IN_OWN_LANE`. The time in view counts for the vehicle in view, or for the view without
-/// a vehicle. Recognising an empty road takes as long as detecting a clearly visible
-/// vehicle, so no driver pulls out the moment a bend or a truck stops hiding the road.
+/// a vehicle. Recognising an empty road takes as long as detecting a clearly visible vehicle, so no driver pulls out
+/// the moment a bend or a truck stops hiding the road.
 #[inline(always)]
 fn is_certain<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -315,7 +316,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         ]);
         let is_detected = sighting.is_visible & is_certain;
         let (own_speed, _) = self.road_velocity(); // Along and across the road [m/s].
-        // The speed of the oncoming vehicle along its own axis is nearly that along the road.
+        // The true motion now, because what the driver believes depends on the delay that this selects. The speed of
+        // the oncoming vehicle along its own axis is nearly that along the road.
         let is_imminent = sighting
             .gap
             .simd_lt(constants.urgent_time * (own_speed + oncoming_vx));

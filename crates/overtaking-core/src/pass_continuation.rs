@@ -200,6 +200,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         context: &DriverContext<S>,
         motion: &RelativeMotion<S>,
     ) -> ReturnSpace<S> {
+        // The true gaps: that drivers judge the space beside them without error is a choice.
         let (gap, vehicle) = (&context.neighbours.gap, self.vehicle());
         let size = gap[RIGHT_LEADER] + gap[RIGHT_FOLLOWER];
         // Drivers leave a longer gap ahead of a target that blocks the view, because such a vehicle brakes worse.
@@ -234,7 +235,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ) -> Mask<S> {
         let closing_speed = at_least(motion.closing_speed, MIN_CLOSING_SPEED);
         // At the present speed, unlike `times.complete`: the driver follows the next vehicle, which may be too slow for
-        // it to get clear of the target. The lane change counts for the abort alone.
+        // it to get clear of the target. `times.abort` contains the lane change and this time does not: a choice, in
+        // favour of the pass.
         let clears_target_late = (motion.distance_to_clear() / closing_speed).simd_gt(times.abort);
         space.size.simd_lt(self.params.constants.min_return_space) | clears_target_late
     }
@@ -292,7 +294,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         }
         let (constants, vehicle) = (&self.params.constants, self.vehicle());
         let oncoming = &context.oncoming.nearest;
-        // Along the vehicle's own axis; nearly that along the road.
+        // Along the vehicle's own axis, as in all car following; nearly the speed along the road.
         let speed = self.state.motion.vx[self.slot];
         let next_vehicle = context.beliefs.steady_leader(RIGHT_LEADER);
         // To pass the next vehicle, the driver gains the gap, both lengths and the smallest return gap.
@@ -306,8 +308,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let time = self.time_to_pass(distance, &speeds)
             + self.time_to_move_over()
             + constants.urgent_return_margin;
-        // The driver counts on the nearer of the believed vehicle and one that the hidden part of the road may contain.
-        // For the other decisions (`time_to_meet`) only a detected vehicle counts.
+        // The driver counts on the nearer of the believed vehicle and one that the hidden part of the road may contain;
+        // its closing speed is the usual one until the driver has judged it. For the other decisions (`time_to_meet`)
+        // only a detected vehicle counts.
         let would_be_late =
             assumed_oncoming_gap(vehicle, oncoming).simd_lt(time * oncoming.closing_speed);
         // The acceleration that just avoids a contact, if the next vehicle keeps its speed.
@@ -316,8 +319,10 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.is_past_target() & would_be_late & can_brake
     }
 
-    /// Whether the driver is past its target and comes beside the next vehicle, its new target; "past" compares the
-    /// centres.
+    /// Whether the driver is past its target and reaches the next vehicle, its new target.
+    ///
+    /// "Past" compares the centres. A driver reaches the next vehicle when the gap falls below the smallest with which
+    /// it could still return behind that vehicle.
     #[inline(always)]
     pub fn overtakes_next_vehicle(self, context: &DriverContext<S>) -> Mask<S> {
         let passes = self.is_in_stage(stage::PASS);
@@ -325,11 +330,12 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             return passes;
         }
         let neighbours = &context.neighbours;
-        let is_beside = neighbours.gap[RIGHT_LEADER].simd_lt(self.params.constants.min_return_gap);
+        let reaches_next =
+            neighbours.gap[RIGHT_LEADER].simd_lt(self.params.constants.min_return_gap);
         let has_next_vehicle = neighbours.slot[RIGHT_LEADER].simd_ge(0.0);
         let stays_behind = self.must_return_before_next(context)
             | self.state.overtake.must_abort[self.slot].simd_gt(0.0);
-        self.is_past_target() & is_beside & has_next_vehicle & !stays_behind
+        self.is_past_target() & reaches_next & has_next_vehicle & !stays_behind
     }
 
     /// Whether a passing driver on a two-way road is far enough back to return behind the target.
@@ -363,9 +369,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             splat(params.simd, 0.0),
             -self.abort_decel(),
         );
-        let gap = &context.neighbours.gap;
+        let gap = &context.neighbours.gap; // True gaps, as in `return_space`.
         let gap_in_middle = 0.5 * (gap[RIGHT_LEADER] + gap[RIGHT_FOLLOWER]);
-        // Along the vehicle's own axis; nearly that along the road.
+        // Along the vehicle's own axis, as in all car following; nearly the speed along the road.
         let speed = self.state.motion.vx[slot];
         // `slip_speed` is the least divisor wherever a formula divides by speed.
         let time_gap_in_middle =

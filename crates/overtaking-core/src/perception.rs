@@ -39,7 +39,7 @@ const FARTHEST_GAP: f32 = 1e4;
 const MAX_OPTICAL_DEPTH: f32 = 40.0;
 /// Smallest logarithm of a contrast over its threshold: the outline of a near vehicle shows even against the sun [1].
 const MIN_LOG_CONTRAST: f32 = 0.02;
-/// Keeps a quotient finite where every looming counts [rad/s].
+/// Keeps a quotient finite if the threshold of looming is 0 [rad/s].
 const MIN_LOOMING: f32 = 1e-9;
 /// Smallest length of a line of sight, which keeps it finite alongside [m].
 pub const MIN_SIGHT_LINE: f32 = 0.1;
@@ -371,7 +371,7 @@ fn is_visible<S: Simd, const N: usize>(
     is_visible
 }
 
-/// The number of each SIMD lane, in the lane.
+/// A vector with the numbers of its SIMD lanes, 0 to 15.
 #[inline(always)]
 fn lane_numbers<S: Simd>(simd: S) -> F32<S> {
     let numbers: [f32; SIMD_LANES] = [
@@ -449,14 +449,15 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let (constants, vehicle) = (&params.constants, self.vehicle());
         let interval = constants.glance_interval as u32;
         // The drivers of a simulation look one after the other: the stagger of 7 and the interval of 20 decisions have
-        // no common factor. A block of sixteen simulations saves time where none of its sixteen drivers looks; with
-        // looks at random times one of them mostly would. Without looks in the first interval, no driver indicates or
-        // changes lanes in it.
+        // no common factor. As a slot looks in all sixteen simulations of a block at the same decisions, the block
+        // saves time at all others; with looks at random times one of the sixteen would look at more than half of the
+        // decisions. Without looks in the first interval, no driver indicates or changes lanes in it.
         let staggered_index = decision_index + slot as u32 * constants.glance_stagger as u32;
         if decision_index >= interval && staggered_index.is_multiple_of(interval) {
             return vehicle.valid.simd_eq(vehicle.valid); // True in every SIMD lane.
         }
-        // Drivers that overtake by gap acceptance count another time than those that change lanes by MOBIL.
+        // Drivers that overtake by gap acceptance count another time than those that change lanes by MOBIL. Each time
+        // is compared, by > or >=, as where the lane change starts.
         let has_indicated = if params.road.can_overtake(slot) {
             state.overtake.time_indicating[slot].simd_gt(vehicle.indicator_lead_time)
         } else {
@@ -569,14 +570,14 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     let extinction = driver.extinction_ahead(neighbours, leader_speed);
     let always = vehicle.valid.simd_eq(vehicle.valid); // True in every SIMD lane.
     let is_changing_lane = driver.is_changing_lane();
-    // Beliefs about roles that no driver of the block looks at are not computed.
+    // Beliefs about a role are not computed if the driver looks at it in no simulation of the block.
     let is_needed = |role: usize| {
         role == LEADER
             || checks_mirrors.any_true()
             || (is_leader_role(role) && is_changing_lane.any_true())
     };
     // Drivers react faster if contact with the leader is near, but not to the other roles, which they do not always
-    // watch.
+    // watch. By the true motion now, because what the driver believes depends on the delay that this selects.
     let is_imminent = neighbours.gap[LEADER]
         .simd_lt(constants.urgent_time * (state.motion.vx[slot] - leader_speed));
     let (own_speed, _) = driver.road_velocity(); // Along and across the road.
@@ -692,8 +693,8 @@ pub fn form_beliefs<S: Simd, const N: usize>(
 
 /// Believed acceleration of vehicles ahead a reaction delay ago, never positive [m/s^2].
 ///
-/// Stop lamps show that a vehicle brakes; only looming shows how hard. Until the vehicle looms, drivers assume at least
-/// the deceleration `lamp_decel`.
+/// The mean over `brake_memory` decisions. While stop lamps show that a vehicle brakes, but no looming shows how hard,
+/// drivers assume at least the deceleration `lamp_decel`.
 #[inline(always)]
 fn believed_braking<S: Simd, const N: usize>(
     state: &State<S, N>,

@@ -527,7 +527,7 @@ pub fn update_wind<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Pa
     let has_gusts = simulation.gust_gain.simd_ne(0.0).any_true();
     for slot in 0..params.num_slots_in_use {
         let (vehicle, handle) = (&params.vehicles[slot], state.vehicle(params, slot));
-        // Factor on the mean wind.
+        // Factor on the mean wind; `noise.gust` is the turbulence.
         let mut strength = 1.0 + constants.turbulence_intensity * state.noise.gust[slot];
         if has_gusts {
             strength += simulation.gust_gain * handle.discrete_gust();

@@ -109,7 +109,8 @@ fn path_accel<S: Simd, const N: usize>(
 
 /// Let the driver in `slot` follow the side wind with a lag, once for each decision.
 ///
-/// At the first frame, `step` 0, it holds against the wind already.
+/// At the first frame, `step` 0, it holds against the wind already. `wind_trim_share` is the share of the difference
+/// that it corrects until the next decision.
 #[inline(always)]
 pub fn update_wind_trim<S: Simd, const N: usize>(
     state: &mut State<S, N>,

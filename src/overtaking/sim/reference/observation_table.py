@@ -138,7 +138,7 @@ def _ego_columns(state: State, params: StepParameters, context: DecisionContext)
 def _believed_motion(
     state: State, params: StepParameters, context: DecisionContext, role: NeighbourRole
 ) -> NeighbourMotion:
-    """The model driver's beliefs about a neighbour.
+    """The model driver's beliefs about a neighbour; `unseen_gap` and zeros without detection.
 
     In the profile of the study by Pinto et al. (2023) the ego changes lanes by that study's script,
     which decides by the true closing speed to the leader: by its belief the ego would pull out too
@@ -272,7 +272,7 @@ def _passing_columns(
     is_following = state.is_in_stage(Stage.FOLLOW, ego)
     # Before an overtake the leader is the vehicle that the ego would pass.
     passed_slot = np.where(is_following, leader_slot, state.overtake.target_slot[ego])
-    # By the definition of the column ahead of the leader, also while the ego overtakes.
+    # The column is defined by the leader, not by the target, also while the ego overtakes.
     gap_ahead_of_leader = gap_ahead_of(state, params, leader_slot, ego)
     return PassingColumns(
         sight_distance=oncoming.sight_distance[ego],

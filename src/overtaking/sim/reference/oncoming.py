@@ -3,7 +3,8 @@
 Each vehicle has a frame of coordinates of its own direction of travel. In it stations grow ahead,
 lateral positions grow to the left, the overtaking side, lane 0 is the lane of that direction, and
 the opposing lane is on the left. Each vehicle has a slot, its number in the simulation; a slot is
-empty where `valid` is 0. A driver's leader is the vehicle ahead of it in its direction.
+empty where `valid` is 0, and without a vehicle `value_at_slot` reads slot 0. A driver's leader is
+the vehicle ahead of it in its direction.
 """
 
 from dataclasses import dataclass
@@ -287,6 +288,7 @@ def _reaction_delay(state: State, params: StepParameters, sighting: Sighting) ->
     """Reaction delay to the oncoming vehicle, shorter where it is imminent [decisions]."""
     vehicles = params.vehicles
     own_speed, _ = state.road_velocity()
+    # The true motion now: what the driver believes depends on the delay that this function selects.
     # The speed `vx` of the vehicle along its own axis is nearly that along the road.
     closing_speed = own_speed + value_at_slot(state.motion.vx, sighting.slot)
     is_imminent = sighting.gap < params.constants.urgent_time * closing_speed
@@ -367,6 +369,7 @@ def nearest_oncoming(
         is_ahead = is_oncoming & (distance_ahead >= 0) & (excluded_slot != np.float32(other_slot))
         for lanes, (right, left) in enumerate(borders):
             is_in_lanes = (left_side > right + margin) & (right_side < left - margin)
+            # In any lane, a vehicle that changes lanes counts by its body.
             is_in_lanes = is_in_lanes | changes_to_lane if lanes == _IN_OWN_LANE else is_in_lanes
             is_nearer = is_ahead & is_in_lanes & (distance_ahead < distance[lanes])
             slot[lanes] = np.where(is_nearer, np.float32(other_slot), slot[lanes])

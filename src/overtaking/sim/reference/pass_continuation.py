@@ -225,6 +225,7 @@ def _return_space(
     slots: SlotSelection,
 ) -> ReturnSpace:
     """The space between the two vehicles beside each driver, compared with its usual demand."""
+    # The true gaps: that drivers judge the space beside them without error is a choice.
     gap = context.neighbours.gap
     size = gap[RIGHT_LEADER, slots] + gap[RIGHT_FOLLOWER, slots]
     # Drivers leave a longer gap ahead of a target that blocks the view, because such a vehicle
@@ -248,7 +249,8 @@ def _is_trapped(
     """Whether the space is too small, or aborting is quicker than clearing the target."""
     closing_speed = maximum(motion.closing_speed, MIN_CLOSING_SPEED)
     # At the present speed, unlike `times.complete`: the driver follows the next vehicle, which may
-    # be too slow for it to get clear of the target. The lane change counts for the abort alone.
+    # be too slow for it to get clear of the target. `times.abort` contains the lane change and this
+    # time does not: a choice, in favour of the pass.
     clears_target_late = _distance_to_clear(motion) / closing_speed > times.abort
     return (space.size < params.constants.min_return_space) | clears_target_late
 
@@ -313,7 +315,8 @@ def _must_return_before_next(
     assert context.oncoming is not None, "one-way roads have no oncoming traffic"
     vehicles, constants = params.vehicles, params.constants
     oncoming, beliefs = context.oncoming.nearest, context.beliefs
-    speed = state.motion.vx  # Along the vehicle's own axis; nearly that along the road.
+    # Along the vehicle's own axis, as in all car following; nearly the speed along the road.
+    speed = state.motion.vx
     is_past_target = state.is_in_stage(Stage.PASS, slice(None)) & (
         state.motion.s > value_at_slot(state.motion.s, state.overtake.target_slot)
     )
@@ -325,7 +328,8 @@ def _must_return_before_next(
     time = time_to_pass(constants, vehicles, distance, speeds)
     time = time + _time_to_move_over(params) + constants.urgent_return_margin
     # The driver counts on the nearer of the believed vehicle and one that the hidden part of the
-    # road may contain. For the other decisions (`_time_to_meet`) only a detected vehicle counts.
+    # road may contain; its closing speed is the usual one until the driver has judged it. For the
+    # other decisions (`_time_to_meet`) only a detected vehicle counts.
     oncoming_gap = assumed_oncoming_gap(vehicles, oncoming.believed_gap, oncoming.sight_distance)
     would_be_late = oncoming_gap < time * oncoming.closing_speed
     next_vehicle = Leader(gap=gap, closing_speed=closing_speed)
@@ -338,17 +342,19 @@ def _must_return_before_next(
 def overtakes_next_vehicle(
     state: State, params: StepParameters, context: DecisionContext, slots: SlotSelection
 ) -> Mask:
-    """Whether drivers are past their target and come beside the next vehicle, their new target.
+    """Whether drivers are past their target and reach the next vehicle, their new target.
 
-    "Past" compares the centres.
+    "Past" compares the centres. A driver reaches the next vehicle when the gap falls below the
+    smallest with which it could still return behind that vehicle.
     """
     neighbours = context.neighbours
     target_s = value_at_slot(state.motion.s, state.overtake.target_slot[slots])
     is_past_target = state.is_in_stage(Stage.PASS, slots) & (state.motion.s[slots] > target_s)
-    is_beside = neighbours.gap[RIGHT_LEADER, slots] < params.constants.min_return_gap
+    reaches_next = neighbours.gap[RIGHT_LEADER, slots] < params.constants.min_return_gap
+    has_next_vehicle = neighbours.slot[RIGHT_LEADER, slots] >= 0
     returns = _must_return_before_next(state, params, context)[slots]
     stays_behind = returns | (state.overtake.must_abort[slots] > 0)
-    return is_past_target & is_beside & (neighbours.slot[RIGHT_LEADER, slots] >= 0) & ~stays_behind
+    return is_past_target & reaches_next & has_next_vehicle & ~stays_behind
 
 
 def can_abort_pass(state: State, params: StepParameters, slots: SlotSelection) -> Mask:
@@ -379,9 +385,10 @@ def accel_limit_while_passing(
     target_speed = value_at_slot(along_road, state.overtake.target_slot)
     is_slow_enough = along_road < target_speed - constants.abort_speed_difference
     abort_accel = np.where(is_slow_enough, ZERO, -_abort_decel(params, vehicles))
-    neighbour_gap = context.neighbours.gap
+    neighbour_gap = context.neighbours.gap  # True gaps, as in `_return_space`.
     gap_in_middle = HALF * (neighbour_gap[RIGHT_LEADER] + neighbour_gap[RIGHT_FOLLOWER])
-    speed = state.motion.vx  # Along the vehicle's own axis; nearly that along the road.
+    # Along the vehicle's own axis, as in all car following; nearly the speed along the road.
+    speed = state.motion.vx
     # `slip_speed` is the least divisor wherever a formula divides by speed.
     time_gap_in_middle = maximum(gap_in_middle - vehicles.min_gap, ZERO) / maximum(
         speed, constants.slip_speed

@@ -2,8 +2,9 @@
 
 The leader is the vehicle ahead in a driver's lane, the target the vehicle that it overtakes. The
 return gap is the gap to the target that the driver leaves behind itself when it returns. A slot is
-the number of a vehicle in its simulation. The ego, the vehicle under study, and the others decide
-by the same rules; `slots` selects the rows of arrays of shape (vehicle, simulation).
+the number of a vehicle in its simulation; without a vehicle `value_at_slot` reads slot 0. The ego,
+the vehicle under study, and the others decide by the same rules; `slots` selects the rows of arrays
+of shape (vehicle, simulation).
 """
 
 from dataclasses import dataclass
@@ -127,6 +128,7 @@ def passing_speed(vehicle: VehicleParameters, surplus: np.float32, target_speed:
         surplus: Least by which drivers want to be faster than the target [m/s].
         target_speed: Speed of the target [m/s].
     """
+    # `vehicle.passing_speed` is the speed at which the driver desires to pass any vehicle.
     speed = maximum(vehicle.passing_speed, target_speed + surplus)
     # The compliance is the share of the excess over the limit that the driver gives up, 0 to 1.
     excess = maximum(speed - vehicle.speed_limit, ZERO)

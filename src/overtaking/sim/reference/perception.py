@@ -4,7 +4,8 @@ A *role* is one of six places around a driver: the leaders and followers in its 
 the right lane. Left is the overtaking side, and lateral distances are positive to the left. A
 driver *watches* a role at every decision, 20 a second, or *glances* at it when it checks its
 mirrors. A vehicle *looms* to a driver while its image visibly grows. A reaction delay is a number
-of decisions, a slot the number of a vehicle in its simulation.
+of decisions, a slot the number of a vehicle in its simulation; without a vehicle `value_at_slot`
+reads slot 0.
 """
 
 from dataclasses import dataclass
@@ -35,7 +36,7 @@ _NEAREST_GAP = np.float32(1.0)
 _FARTHEST_GAP = np.float32(1e4)  # Larger than every range of sight; keeps squares finite [m].
 _MAX_OPTICAL_DEPTH = np.float32(40.0)  # Nothing is visible through it; bounds the exponent [1].
 _MIN_LOG_CONTRAST = np.float32(0.02)  # The outline of a near vehicle shows even against the sun.
-_MIN_LOOMING = np.float32(1e-9)  # Keeps a quotient finite where every looming counts [rad/s].
+_MIN_LOOMING = np.float32(1e-9)  # Keeps a quotient finite if the threshold is 0 [rad/s].
 
 MIN_SIGHT_LINE = np.float32(0.1)
 """Smallest length of a line of sight, which keeps it finite alongside [m]."""
@@ -112,8 +113,9 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
     all_slots = np.arange(len(state.motion.s))[:, None]
     interval = int(constants.glance_interval)
     # The drivers of a simulation look one after the other: the stagger of 7 and the interval of 20
-    # decisions have no common factor. The engine, which computes sixteen simulations at once, saves
-    # time where none of sixteen drivers looks; with looks at random times one of them mostly would.
+    # decisions have no common factor. The engine computes sixteen simulations at once. As a slot
+    # looks in all of them at the same decisions, it saves time at all others; with looks at random
+    # times one of the sixteen would look at more than half of the decisions.
     is_due = (decision_index + all_slots * int(constants.glance_stagger)) % interval == 0
     # No look in the first interval, so no driver indicates or changes lanes in it.
     is_due = is_due & (decision_index >= interval)
@@ -122,7 +124,7 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
     is_due = is_due | (may_cancel & (decision_index % int(constants.glance_moving) == 0))
     has_indicated = choice.time_wanted >= vehicles.indicator_lead_time
     # The drivers in these slots overtake by gap acceptance, which counts another time; the others
-    # change lanes by MOBIL.
+    # change lanes by MOBIL. Each time is compared, by > or >=, as where the lane change starts.
     overtaking_slots = slice(None) if params.road.has_oncoming_traffic else EGO_SLOT
     time_indicating = state.overtake.time_indicating[overtaking_slots]
     lead_time = vehicles.indicator_lead_time[overtaking_slots]
@@ -147,8 +149,9 @@ def draw_shoulder_check(
     """
     if not is_drawn.any():
         return
-    slots = np.arange(len(state.motion.s), dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
-    words = philox_words(params.seed, params.scenario_index[None, :], slots, decision_index)
+    # Each slot has a stream of random words of its own.
+    streams = np.arange(len(state.motion.s), dtype=np.uint32)[:, None] + np.uint32(Stream.GLANCES)
+    words = philox_words(params.seed, params.scenario_index[None, :], streams, decision_index)
     checks = np.where(uniform_from_word(words[0]) < params.vehicles.checks_blind_spot, ONE, ZERO)
     choice = state.lane_choice
     choice.checks_blind_spot = np.where(is_drawn, checks, choice.checks_blind_spot)
@@ -467,6 +470,7 @@ def _is_imminent(state: State, params: StepParameters, neighbours: Neighbours, r
     Source:
         Markkula et al. 2016: drivers brake sooner, the more urgent the looming.
     """
+    # The true motion now: what the driver believes depends on the delay that this function selects.
     closing_speed = state.motion.vx - value_at_slot(state.motion.vx, neighbours.slot[LEADER])
     is_near = neighbours.gap[LEADER] < params.constants.urgent_time * closing_speed
     return (role == LEADER) & is_near
@@ -477,8 +481,8 @@ def _believed_braking(
 ) -> F32:
     """Believed acceleration of vehicles ahead a reaction delay ago, never positive [m/s^2].
 
-    Stop lamps show that a vehicle brakes; only looming shows how hard. Until the vehicle looms,
-    drivers assume at least the deceleration `lamp_decel`.
+    The mean over `brake_memory` decisions. While stop lamps show that a vehicle brakes, but no
+    looming shows how hard, drivers assume at least the deceleration `lamp_decel`.
     """
     constants = params.constants
     earlier = maximum(observed_at - constants.brake_memory, ZERO)

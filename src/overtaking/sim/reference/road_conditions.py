@@ -60,11 +60,10 @@ def update_random_processes(state: State, params: StepParameters, decision_index
     """Advance gusts, errors of judgement and wander in the lane by one decision."""
     vehicles, simulations = params.vehicles, params.simulations
     constants, noise = params.constants, state.noise
-    slots = np.arange(len(state.motion.s), dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
-    gust_draw, distance_draw, speed_draw, wander_draw = (
-        uniform_from_word(word)
-        for word in philox_words(params.seed, params.scenario_index[None, :], slots, decision_index)
-    )
+    # Each vehicle has a stream of random words of its own, four words for each decision.
+    streams = np.arange(len(state.motion.s), dtype=np.uint32)[:, None] + np.uint32(Stream.MOTION)
+    words = philox_words(params.seed, params.scenario_index[None, :], streams, decision_index)
+    gust_draw, distance_draw, speed_draw, wander_draw = (uniform_from_word(word) for word in words)
     relative_along = state.motion.vx - vehicles.travel_sign * simulations.wind_along
     wind_across = simulations.wind_across
     air_speed = np.sqrt(relative_along * relative_along + wind_across * wind_across)
@@ -308,9 +307,9 @@ def update_wind(state: State, params: StepParameters) -> None:
     """
     vehicles, simulations = params.vehicles, params.simulations
     constants, wind = params.constants, state.friction_and_wind
-    gust = simulations.gust_gain * discrete_gust(state, params)
-    # Factor on the mean wind.
-    strength = ONE + constants.turbulence_intensity * state.noise.gust + gust
+    single_gust = simulations.gust_gain * discrete_gust(state, params)
+    # Factor on the mean wind; `noise.gust` is the turbulence.
+    strength = ONE + constants.turbulence_intensity * state.noise.gust + single_gust
     strength = maximum(strength, ZERO)
     across = vehicles.travel_sign * simulations.wind_across * strength * wind_shelter(state, params)
     wind.tail_wind = vehicles.travel_sign * simulations.wind_along * strength
@@ -326,7 +325,7 @@ def update_wind(state: State, params: StepParameters) -> None:
 
 
 def apply_study_push(state: State, params: StepParameters, decision_index: int) -> None:
-    """Add the pushes of the study to the wind force: sideways, for a part of each interval.
+    """Add the pushes of the study by Pinto et al. to the wind force, for a part of each interval.
 
     Source:
         Pinto, Dutra and Fonseca 2023: forces towards the side that the wind blows to, more often in
