@@ -237,7 +237,8 @@ impl<'a, const N: usize> Recorder<'a, N> {
     ) {
         let left = [LEADER, LEFT_LEADER, LEFT_FOLLOWER];
         let right = [LEADER, RIGHT_LEADER, RIGHT_FOLLOWER];
-        // On two-way roads the ego enters the opposing lane: its new leader is the oncoming vehicle.
+        // On two-way roads the ego enters the opposing lane: its new leader is the oncoming vehicle, its new follower a
+        // vehicle that overtakes behind it.
         let has_oncoming_traffic = params.road.directions.has_oncoming_traffic;
         let oncoming = has_oncoming_traffic.then_some(&context.oncoming.nearest);
         for (is_made, kind, roles, oncoming) in [

@@ -121,7 +121,10 @@ pub fn value_of_lane<S: Simd>(values: &[f32], lane: F32<S>) -> F32<S> {
     result
 }
 
-/// Film of water on a lane outside puddles [mm]; `path_factor` is the lane's entry of `film_path` [1].
+/// Film of water on a lane outside puddles [mm].
+///
+/// `path_factor` is the lane's entry of `film_path`: the factor by which the film grows with the distance over which
+/// water drains to the lane [1].
 #[inline(always)]
 pub fn lane_film<S: Simd, const N: usize>(params: &Params<S, N>, path_factor: F32<S>) -> F32<S> {
     max(

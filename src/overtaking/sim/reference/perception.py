@@ -164,6 +164,7 @@ def extinction_ahead(state: State, params: StepParameters, neighbours: Neighbour
     # A moving driver meets more rain drops.
     rain_factor = ONE + vx / constants.rain_speed
     air = simulations.fog_extinction + simulations.rain_extinction * rain_factor
+    # The factor by which the film grows with the distance over which water drains to the lane.
     path_factor = value_of_lane(
         params.road.film_path, state.lane_choice.lane, params.road.num_lanes
     )

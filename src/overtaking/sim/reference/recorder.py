@@ -202,7 +202,11 @@ class Recorder:
     def record_frame(
         self, state: State, params: StepParameters, is_running: Mask, frame: int
     ) -> None:
-        """Record and hash one frame of the simulations that still run."""
+        """Record and hash one frame of the simulations that still run.
+
+        `params` are the present parameters: drivers and vehicles may differ from those at the
+        start, which `self.params` holds; the road is the same.
+        """
         has_vehicle = params.vehicles.valid > 0
         words_by_field = {
             name: np.where(has_vehicle, words, np.int32(0))
@@ -296,7 +300,8 @@ class Recorder:
         """Record a percept at each manoeuvre that the ego starts or cancels."""
         left = (LEADER, LEFT_LEADER, LEFT_FOLLOWER)
         right = (LEADER, RIGHT_LEADER, RIGHT_FOLLOWER)
-        # On two-way roads the ego enters the opposing lane: its new leader is the oncoming vehicle.
+        # On two-way roads the ego enters the opposing lane: its new leader is the oncoming vehicle,
+        # its new follower a vehicle that overtakes behind it.
         pull_out_roles = (
             left if context.oncoming is None else (LEADER, ONCOMING_ROLE, LEFT_FOLLOWER)
         )

@@ -97,6 +97,7 @@ def update_friction(state: State, params: StepParameters) -> None:
     lane = np.zeros_like(state.motion.d)
     for k in range(1, road.num_lanes):
         lane = np.where(state.motion.d >= road.boundaries[k], np.float32(k), lane)
+    # The film grows with the distance over which water drains to the lane, by this factor.
     path_factor = value_of_lane(road.film_path, lane, road.num_lanes)
     film = road_surface.lane_film(
         simulations.min_wet_film,
