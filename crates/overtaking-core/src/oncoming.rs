@@ -27,8 +27,8 @@ use crate::perception::{
 use crate::state::{EGO_SLOT, FAR, LEADER, NEVER_LOOKED, NO_SLOT, State};
 use crate::vehicle_handle::VehicleHandle;
 
-/// Smallest closing speed, which keeps the time until vehicles meet finite [m/s]. A choice, as the larger one of
-/// `passing`.
+/// Smallest closing speed, which keeps the time until vehicles meet finite [m/s]. A choice, as is the larger one
+/// in `passing`.
 const MIN_CLOSING_SPEED: f32 = 0.1;
 
 /// Index in `Attention::oncoming_slot` and `oncoming_time_in_view` of the nearest oncoming vehicle in any lane.

@@ -360,13 +360,13 @@ fn is_visible<S: Simd, const N: usize>(
     // The blind spot reaches from the driver's rear bumper backwards; a leader is in it only alongside, where the gap
     // is negative. A look over the shoulder shows what is in it, and from the corner of the eye the driver sees a
     // vehicle at a lateral gap up to `alongside`.
-    let is_beside = gap.simd_lt(if is_ahead { 0.0 } else { constants.blind_spot })
+    let may_be_hidden = gap.simd_lt(if is_ahead { 0.0 } else { constants.blind_spot })
         & driver.state.lane_choice.checks_blind_spot[driver.slot].simd_eq(0.0);
-    if is_beside.any_true() {
+    if may_be_hidden.any_true() {
         let half_width = at_slot!(params, neighbour_slot, |j| params.vehicles[j].half_width);
         let lateral_gap =
             neighbours.lateral_distance[role].abs() - (vehicle.half_width + half_width);
-        is_visible &= !(is_beside & lateral_gap.simd_gt(constants.alongside));
+        is_visible &= !(may_be_hidden & lateral_gap.simd_gt(constants.alongside));
     }
     is_visible
 }

@@ -468,6 +468,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
                 continue;
             }
             let distance_past_body = (motion.s[slot] - s).abs() - shelter.half_length;
+            // 0 beside the body, 1 where the shelter has ended.
             let release = clamp_to(
                 distance_past_body / (constants.shelter_release * 2.0 * shelter.half_length),
                 0.0,

@@ -263,9 +263,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         // turning of the road in a bend, are neglected.
         let (sine, cosine) = (motion.sin_heading[slot], motion.cos_heading[slot]);
         let (accel_lon, accel_lat) = (motion.accel_lon[slot], motion.accel_lat[slot]);
-        let velocity_d = motion.vx[slot] * sine + motion.vy[slot] * cosine;
-        let d = motion.d[slot] + lookahead * velocity_d;
-        let velocity_d = velocity_d + lookahead * (accel_lon * sine + accel_lat * cosine);
+        let velocity_d_now = motion.vx[slot] * sine + motion.vy[slot] * cosine;
+        let d = motion.d[slot] + lookahead * velocity_d_now;
+        let velocity_d = velocity_d_now + lookahead * (accel_lon * sine + accel_lat * cosine);
         let vx = motion.vx[slot] + lookahead * accel_lon;
         let vy =
             motion.vy[slot] + lookahead * (accel_lat - motion.vx[slot] * motion.yaw_rate[slot]);

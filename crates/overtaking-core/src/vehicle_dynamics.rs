@@ -70,7 +70,7 @@ struct Axles<S: Simd> {
 struct TyreForce<S: Simd> {
     /// Force against the slip, positive to the left [N].
     force: F32<S>,
-    /// Growth of the size of the force with the slip, the side speed over the speed [N].
+    /// Growth of the size of the force per slip; slip is side speed over speed [N].
     slope: F32<S>,
 }
 

@@ -258,6 +258,7 @@ def wind_shelter(state: State, params: StepParameters) -> F32:
         other_s, other_d = state.position_seen_by_each(params, other_slot)
         half_length = vehicles.half_length[other_slot]
         distance_past_body = np.abs(motion.s - other_s) - half_length
+        # 0 beside the body, 1 where the shelter has ended.
         release = clamp(
             distance_past_body / (constants.shelter_release * TWO * half_length), ZERO, ONE
         )

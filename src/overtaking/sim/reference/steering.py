@@ -207,9 +207,9 @@ def _requested_steering(
     # forces over the mass, in the vehicle's axes. The turning of these axes changes `vy` as well;
     # its effect on `vx`, and the turning of the road in a bend, are neglected.
     sine, cosine = sincos(motion.heading)
-    velocity_d = motion.vx * sine + motion.vy * cosine
-    d = motion.d + lookahead * velocity_d
-    velocity_d = velocity_d + lookahead * (motion.accel_lon * sine + motion.accel_lat * cosine)
+    velocity_d_now = motion.vx * sine + motion.vy * cosine
+    d = motion.d + lookahead * velocity_d_now
+    velocity_d = velocity_d_now + lookahead * (motion.accel_lon * sine + motion.accel_lat * cosine)
     vx = motion.vx + lookahead * motion.accel_lon
     vy = motion.vy + lookahead * (motion.accel_lat - motion.vx * motion.yaw_rate)
     yaw_rate = motion.yaw_rate + lookahead * motion.yaw_accel

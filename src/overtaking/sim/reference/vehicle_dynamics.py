@@ -78,7 +78,7 @@ class TyreForce(NamedTuple):
     """Lateral force of an axle."""
 
     force: F32  # Against the slip, positive to the left [N].
-    slope: F32  # Growth of its size with the slip, the side speed over the speed [N].
+    slope: F32  # Growth of its size per slip; slip is side speed over speed [N].
 
 
 @dataclass(slots=True, kw_only=True)
