@@ -162,7 +162,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Time that the driver expects to need to gain a distance on its target [s].
     ///
-    /// Its error about it, `passing_time_factor`, is not part of it.
+    /// The trait `passing_time_factor`, by which it misjudges this time, is not applied here.
     #[inline(always)]
     pub fn time_to_pass(self, distance: F32<S>, speeds: &PassingSpeeds<S>) -> F32<S> {
         let passing_speed = self.passing_speed(speeds.target);

@@ -582,7 +582,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         );
         let mut world_heading = heading + road.overtaking_sign * state.motion.heading[slot];
         if road.directions.has_oncoming_traffic {
-            // Vehicles against the road head the other way.
+            // Vehicles against the road head the other way. Their angles and lateral accelerations are positive to
+            // their own left, `d` to the left of the road.
             let half_turn = splat(params.simd, core::f32::consts::PI);
             world_heading += select(
                 vehicle.travel_sign.simd_lt(0.0),

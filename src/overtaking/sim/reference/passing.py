@@ -153,7 +153,7 @@ def time_to_pass(
 ) -> F32:
     """Time that drivers expect to need to gain a distance on their target [s].
 
-    Their error about it, `passing_time_factor`, is not part of it.
+    The trait `passing_time_factor`, by which they misjudge this time, is not applied here.
 
     Args:
         constants: Constants of the model.

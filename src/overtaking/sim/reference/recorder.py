@@ -245,7 +245,8 @@ class Recorder:
         for k in range(road.num_own_lanes + 1):
             lane = np.where(mirrored_d >= road.boundaries[k], np.int32(k), lane)
         speed = np.sqrt(motion.vx * motion.vx + motion.vy * motion.vy)
-        # Vehicles against the road head the other way.
+        # Vehicles against the road head the other way. Their angles and lateral accelerations are
+        # positive to their own left, `d` to the left of the road.
         turn = np.where(vehicles.travel_sign < 0, PI, ZERO)
         heading = wrap_angle(road.heading + overtaking_sign * motion.heading + turn)
         # A two-wheeler leans; its state holds a lateral acceleration instead of an angle.
