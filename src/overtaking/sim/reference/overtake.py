@@ -228,9 +228,9 @@ def _set_indicator(
     overtake, controls = state.overtake, state.controls
     uses_indicator = params.vehicles.uses_indicator[slots]
     time_indicating = overtake.time_indicating[slots]
-    # `update_wanted_side` counts `time_indicating` up while the driver wants a lane change, and down
-    # to 0 when it no longer does. Until then the indicator stays on: a short doubt does not switch
-    # it off.
+    # `update_wanted_side` counts `time_indicating` up while the driver wants a lane change, and
+    # down to 0 when it no longer does. Until then the indicator stays on: a short doubt does not
+    # switch it off.
     indicator = np.where(time_indicating > 0, controls.indicator[slots], ZERO)
     indicator = np.where(intent.wants_to_return, -uses_indicator, indicator)
     indicator = np.where(intent.wants_to_pull_out, uses_indicator, indicator)
