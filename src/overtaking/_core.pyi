@@ -225,8 +225,8 @@ class ExternallyMovedSimulation:
             level: SIMD level; None for the best of this CPU.
 
         Raises:
-            ValueError: There is not one simulation, an array has another length, or the SIMD level
-                is unknown or not available.
+            ValueError: `inputs` has no simulation or several, an array has another length, or the
+                SIMD level is unknown or not available.
         """
 
     def decide(
@@ -353,7 +353,8 @@ class PedalDriving:
             level: SIMD level; None for the best of this CPU.
 
         Raises:
-            ValueError: There is not one simulation, or the SIMD level is unknown or not available.
+            ValueError: `inputs` has no simulation or several, or the SIMD level is unknown or not
+                available.
         """
 
     def drive(
@@ -675,12 +676,14 @@ def random_words(
     Args:
         seed: Seed of the data set.
         index: Scenario index of each simulation.
-        stream: Purpose of the draws, as long as `index`: a `core.random_numbers.Stream`, to which
-            purposes that concern single vehicles add the slot or role.
+        stream: Purpose of the draws for each simulation: the number of a
+            `core.random_numbers.Stream`, plus the vehicle's slot or role if the purpose concerns a
+            single vehicle.
         draw: Number of the block of four words within the stream, from 0.
         level: SIMD level, None for the fastest of this CPU; the results are the same.
 
     Raises:
+        SystemLimitError: The system grants too little memory.
         ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
     """
 
@@ -734,7 +737,8 @@ def simulate(
 
     Args:
         inputs: Inputs of the batch.
-        frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`.
+        frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`: the recorder
+            writes `SIMD_LANES` frames at once.
         outputs: Flat arrays by name.
         switches: For each step at which parameters change: vehicle and simulation parameters,
             indices of the scenarios, errors of the egos in judging distance and speed

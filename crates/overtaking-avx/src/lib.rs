@@ -14,6 +14,8 @@ pub const HAS_AVX512: bool = cfg!(avx512);
 pub const HAS_AVX2: bool = cfg!(avx2);
 
 /// The entry points of the engine at one SIMD level. If the level is not compiled, they return `NOT_COMPILED`.
+///
+/// `$level` is the flag that `build.rs` sets if it compiles the level, and the name of the function that simulates.
 #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
 macro_rules! entry_points {
     ($level:ident, $stepped:ident, $externally_moved:ident, $simd:ident) => {

@@ -30,8 +30,9 @@ use crate::{MAX_VEHICLES, SLOT_CAPACITIES};
 
 /// Fields of `Motion` that the other simulator sets, in the order of the rows of a motion table, (field, slot).
 ///
-/// Position `s` along and `d` across the road, positive towards the overtaking side [m]; heading, the angle to the road
-/// [rad]; velocity [m/s], yaw rate [rad/s] and acceleration [m/s^2] ahead and to the left in the vehicle's axes.
+/// Position `s` along and `d` across the road [m]; heading, the angle to the road [rad]; velocity [m/s], yaw rate
+/// [rad/s] and acceleration [m/s^2] in the vehicle's axes, ahead and to the side. Lateral numbers and angles are
+/// positive towards the overtaking side.
 pub const MOTION_FIELDS: &[&str] = &[
     "s",
     "d",
@@ -46,7 +47,8 @@ pub const MOTION_FIELDS: &[&str] = &[
 /// Fields of the table of `DriverOutput`, in the order of its rows, (field, slot).
 ///
 /// Requested acceleration [m/s^2]; wheel angle [rad], of a two-wheeler the lateral acceleration [m/s^2]; curvature of
-/// the road at the vehicle [1/m]; speed across the road [m/s]; 1 for a wreck, else 0.
+/// the road at the vehicle [1/m]; speed across the road [m/s]; 1 for a wreck, else 0. The three lateral numbers are
+/// positive towards the overtaking side.
 pub const DRIVER_OUTPUT_FIELDS: &[&str] = &[
     "requested_accel",
     "wheel_angle",

@@ -115,7 +115,8 @@ impl CourseTable {
 impl Road {
     /// Whether the driver in `slot` overtakes through the stages of the ego's model.
     ///
-    /// With oncoming traffic all drivers do. Otherwise only the ego does, and other drivers change lanes by MOBIL.
+    /// With oncoming traffic all drivers do. Otherwise only the ego does, and other drivers change lanes by MOBIL: a
+    /// simplification of the model.
     pub fn can_overtake(&self, slot: usize) -> bool {
         slot == EGO_SLOT || self.directions.has_oncoming_traffic
     }
@@ -279,7 +280,7 @@ pub struct Params<S: Simd, const N: usize> {
     pub simulations: SimulationParams<S>,
     /// Number of slots up to the last one that a running simulation of the block uses.
     pub num_slots_in_use: usize,
-    /// Whether the road of any simulation of the block is a ring, which begins again at its end.
+    /// Whether any simulation of the block has a `ring_length`, after which its road begins again.
     pub is_ring: bool,
     /// Lower and upper 32 bits of the seed.
     pub key: [u32; 2],

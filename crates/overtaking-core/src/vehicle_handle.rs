@@ -35,11 +35,11 @@ impl<S: Simd, const N: usize> State<S, N> {
         }
     }
 
-    /// Speed along the road, in their direction of travel, of the vehicles in `slot`, which may differ between
-    /// simulations [m/s].
+    /// Speed along the road of one vehicle of each simulation, in its direction of travel [m/s]. `slot` holds the slot
+    /// of that vehicle, simulation by simulation.
     ///
-    /// `each_at_slot` looks up the four numbers, and the speed is computed from them once. If it looked up the speed
-    /// itself, it could compute the speed once for each of the sixteen simulations.
+    /// `each_at_slot` only looks up four numbers; the speed is then computed once for the whole block. Within
+    /// `each_at_slot` it could be computed sixteen times, once for each simulation.
     #[inline(always)]
     pub fn road_speed_at(&self, params: &Params<S, N>, slot: F32<S>) -> F32<S> {
         let motion = &self.motion;
@@ -152,7 +152,7 @@ impl<'a, S: Simd, const N: usize> VehicleHandle<'a, S, N> {
         is_sound & self.state.overtake.stage[self.slot].simd_eq(stage)
     }
 
-    /// Whether the driver pulls out or passes, before it begins to return.
+    /// Whether the driver pulls out or passes, before it begins to return; false for wrecks.
     #[inline(always)]
     pub fn is_before_return(self) -> Mask<S> {
         self.is_in_stage(stage::PULL_OUT) | self.is_in_stage(stage::PASS)

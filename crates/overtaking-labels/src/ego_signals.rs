@@ -29,8 +29,8 @@ const LAMP_DEPTH_MARGIN: f32 = 0.01;
 
 /// Compute the signals of a batch.
 ///
-/// Callers use `out` again for the next batch. `zero_from` holds, for each simulation, the frame from which on its rows
-/// in `out` are zero, so that only the frames before have to be cleared; it is updated.
+/// Callers reuse `out`, so at the call it still holds the signals of an earlier batch. `zero_from` is, for each
+/// simulation, the frame from which on they are zero: only frames before it need clearing. The call updates it.
 pub fn ego_signals(
     recording: &PackedRecording<'_>,
     visibility: &VisibilityInputs<'_>,
@@ -38,6 +38,7 @@ pub fn ego_signals(
     out: &mut EgoSignals<'_>,
     zero_from: &mut [i32],
 ) {
+    // `num_computed` is the number of recorded frames, rounded up to whole blocks.
     out.fill(recording, zero_from, |simulation, num_computed, out| {
         let ego = recording.row(simulation, 0);
         lateral_speed(recording, ego, &mut out.lateral_speed[..num_computed]);
@@ -58,7 +59,8 @@ pub fn ego_signals(
 
 /// Lateral speed of a vehicle that is recorded in every frame, positive to the left, the overtaking side [m/s].
 ///
-/// A central difference over `half_window` frames on either side, one-sided at both ends of the recording.
+/// A central difference over `half_window` frames on either side, one-sided at both ends of the recording. `out` may
+/// reach beyond the recording, up to the end of a block; nothing reads these frames.
 pub(crate) fn lateral_speed(recording: &PackedRecording<'_>, row: usize, out: &mut [f32]) {
     let (d, half) = (recording.d[row], recording.half_window);
     let num_recorded = recording.num_recorded(row / recording.num_slots);
@@ -194,6 +196,7 @@ impl<S: Simd> EgoFrames<'_, S> {
         let extinction = visibility.fog[simulation] + rain;
         let contrast_range =
             visibility.contrast_depth[simulation] / at_least(extinction, MIN_EXTINCTION);
+        // The limit is the attention range, or by night the range of the headlamps if that is shorter.
         let unlit = at_most(contrast_range, visibility.unlit_limit[simulation]);
         if unlit.simd_ge(attention_range).all_true() {
             return SightDistances {

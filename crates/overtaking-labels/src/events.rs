@@ -143,7 +143,7 @@ struct Attempt {
 
 /// Attempts and drifts of a simulation.
 struct LeftMovements {
-    /// The last attempt.
+    /// The attempt that the events describe: the first one that is not aborted, else the last one.
     attempt: Option<Attempt>,
     /// Number of attempts, among them the aborted ones.
     num_attempts: i32,
@@ -182,7 +182,7 @@ fn left_movements(drive: &EgoDrive<'_>) -> LeftMovements {
             movements.num_attempts += 1;
             match end {
                 Some(frame) => abort_end = frame,
-                // Only an aborted attempt can be followed by another one.
+                // The events describe the first attempt that is not aborted, so the search ends.
                 None => break,
             }
         } else if outcome != MovementOutcome::LeavesLane
@@ -261,6 +261,7 @@ fn trace_attempt(drive: &EgoDrive<'_>, target: u8, begin: usize) -> Attempt {
     let abort_end = earlier(undone, back_behind);
     let return_end = return_end.filter(|_| abort_end.is_none());
     let turn = turning_frame(drive, begin, earlier(return_end, abort_end));
+    // A movement back before the pass is an abort, even if the recording ends before `abort_end`.
     let is_aborted = abort_end.is_some() || overlap_end.is_none();
     let is_within_attempt = |frame: &usize| abort_end.is_none_or(|end| *frame <= end);
     Attempt {

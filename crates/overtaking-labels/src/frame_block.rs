@@ -148,7 +148,7 @@ impl<S: Simd> FrameBlock<'_, S> {
         let recording = self.recording;
         let d: F32<S> = self.load(recording.d[row]).to_float();
         let heading: F32<S> = self.load(recording.heading[row]).to_float();
-        // Of the angle from the direction of the road to the vehicle's.
+        // Sine and cosine of the vehicle's angle to the road.
         let (sine, cosine) = sincos(heading * RADIANS_PER_UNIT - recording.direction);
         let half_length = recording.length[row] * 0.5;
         let half_width = recording.width[row] * 0.5;

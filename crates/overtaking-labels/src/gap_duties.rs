@@ -130,8 +130,8 @@ impl TrackScan<'_> {
         longest_run
     }
 
-    /// The smaller of the gaps to both vehicles in the right lane, each minus the gap that a return needs [m]. It is -1
-    /// while the target is not far enough behind the ego.
+    /// The smaller of the gaps to both vehicles in the right lane, each minus the gap that a return needs [m]. Without
+    /// a target far enough behind the ego, it is -1; any negative number would do.
     #[inline(always)]
     fn return_margin<S: Simd>(&self, block: SpanBlock<S>, target_slot: u8) -> F32<S> {
         let (law, signals) = (self.law, &self.track.signals);
@@ -162,7 +162,7 @@ impl TrackScan<'_> {
         select(is_target_far_behind, margin, splat(block.simd, -1.0))
     }
 
-    /// Whether the target is behind the ego, by the time gap of a return and the lawful gap at least.
+    /// Whether the target follows behind the ego with the lawful gap and with the time gap that a return needs.
     #[inline(always)]
     fn is_target_far_behind<S: Simd>(
         &self,

@@ -149,13 +149,13 @@ impl<'a> EgoDrive<'a> {
         }
     }
 
-    /// Left border of a lane; the last border for a place beyond the lanes [m].
+    /// Left border of a lane; the last border for a place beyond the lanes on either side, where no attempt begins [m].
     pub(crate) fn left_line(&self, lane: u8) -> f32 {
         let borders = &self.thresholds.borders;
         borders[(usize::from(lane) + 1).min(borders.len() - 1)]
     }
 
-    /// Right border of a lane; the last border for a place beyond the lanes [m].
+    /// Right border of a lane; beyond the lanes as `left_line` [m].
     pub(crate) fn right_line(&self, lane: u8) -> f32 {
         let borders = &self.thresholds.borders;
         borders[usize::from(lane).min(borders.len() - 1)]
@@ -181,7 +181,7 @@ impl<'a> EgoDrive<'a> {
     /// Whether the whole left side was inside the lane for `min_frames` successive frames since the centre entered it.
     ///
     /// If the recording begins in this lane, it suffices that the left side was inside in the first frame, or that the
-    /// ego moved to the left there.
+    /// ego moved to the left there: a recording can begin while the ego leaves its lane.
     fn has_been_inside(&self, frame: usize) -> bool {
         let (lane, thresholds) = (self.track.signals.lane, self.thresholds);
         let mut num_inside = 0;

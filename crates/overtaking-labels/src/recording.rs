@@ -52,7 +52,7 @@ pub struct PackedRecording<'a> {
     /// Slot with which the ego has collided so far, one row for each simulation.
     pub collided_with: Vec<&'a [u8]>,
     /// Whether a vehicle has a state in a frame; `None` if every vehicle has one in every frame. Oncoming vehicles
-    /// count as without a state.
+    /// count as without a state, because leaders, followers and targets drive in the direction of the ego.
     pub is_recorded: Option<Vec<&'a [bool]>>,
     /// Whether a slot holds a vehicle, (simulation, slot).
     pub valid: &'a [bool],
@@ -103,7 +103,7 @@ impl PackedRecording<'_> {
     }
 }
 
-/// Hand the signals that events and scans over spans of frames read to a macro: name, type and number of rows for each
+/// Call a macro with the signals from which events and margins are computed: name, type and number of rows for each
 /// simulation.
 #[macro_export]
 macro_rules! with_signal_views {
@@ -162,7 +162,7 @@ impl<'a> SignalViews<'a> {
     }
 }
 
-/// Hand the arrays of `VisibilityInputs` to a macro: meaning, name and numbers for each simulation.
+/// Call a macro with the arrays of `VisibilityInputs`: meaning, name, and how many numbers a simulation has.
 #[macro_export]
 macro_rules! with_visibility_arrays {
     ($then:ident!) => {

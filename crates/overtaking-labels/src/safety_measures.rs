@@ -208,7 +208,7 @@ pub(crate) const WORST_MEASURES: [&str; 21] = [
 ];
 
 impl TrackScan<'_> {
-    /// The worst value of each measure over a span, 0 without a vehicle; margins and counts are those with the leader.
+    /// The worst value of each measure over a span, 0 without a vehicle; margins and counts concern the leader.
     pub(crate) fn worst_measures<S: Simd>(
         &self,
         simd: S,

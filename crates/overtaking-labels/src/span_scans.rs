@@ -27,9 +27,9 @@ pub(crate) const SIMULATIONS_PER_TASK: usize = 32;
 ///
 /// `manoeuvre` is the overtake with some seconds before and after it. `judged` is the manoeuvre, or the whole recording
 /// without an attempt. `after_gap_recovery` is `judged` without the first seconds of the recording, in which the ego
-/// may restore its gap. `after_passing` is the manoeuvre from the frame in which the target was passed. `summed` has,
-/// without an attempt, the frames up to a collision: the features of the study of Pinto, Dutra and Fonseca are then
-/// means over them.
+/// may restore its gap. `after_passing` is the manoeuvre from the frame in which the target was passed. `summed` is
+/// empty if the ego makes an attempt. Else it has all frames up to a collision; some features of the study of Pinto,
+/// Dutra and Fonseca are means over them.
 pub const SPAN_NAMES: [&str; 5] = [
     "judged",
     "after_gap_recovery",

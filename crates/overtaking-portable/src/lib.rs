@@ -1,5 +1,6 @@
-//! The engine of `overtaking-core` for every CPU of an architecture, and the choice of the crate for a
-//! SIMD level; see `overtaking-avx`.
+//! The engine of `overtaking-core` at the portable SIMD level, which every CPU of an architecture has.
+//!
+//! The functions choose the engine of a SIMD level: `overtaking-avx` for AVX2 and AVX-512, else the portable one.
 
 use fearless_simd::Level;
 use overtaking_core::ego_action::ActionKind;
@@ -8,11 +9,12 @@ use overtaking_core::observation_table::ObservationSource;
 use overtaking_core::run::stepped_batch::{SteppedBatch, stepped_batch};
 use overtaking_core::{Inputs, Output, ParameterSwitch, dispatch, simulate};
 
-/// Whether a SIMD level is compiled, by its name.
+/// Whether a SIMD level is compiled, by its name in `overtaking_core::simd_levels`.
 pub fn is_compiled(name: &str) -> bool {
     match name {
         "avx512" => overtaking_avx::HAS_AVX512,
         "avx2" => overtaking_avx::HAS_AVX2,
+        // `build.rs` sets `portable`, unless the build is for the present CPU alone and that CPU has AVX2.
         _ => cfg!(portable),
     }
 }

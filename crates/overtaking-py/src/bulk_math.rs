@@ -22,12 +22,14 @@ type Words<'py> = [Bound<'py, PyArray1<u32>>; 4];
 /// Args:
 ///     seed: Seed of the data set.
 ///     index: Scenario index of each simulation.
-///     stream: Purpose of the draws, as long as `index`: a `core.random_numbers.Stream`, to which
-///         purposes that concern single vehicles add the slot or role.
+///     stream: Purpose of the draws for each simulation: the number of a
+///         `core.random_numbers.Stream`, plus the vehicle's slot or role if the purpose concerns a
+///         single vehicle.
 ///     draw: Number of the block of four words within the stream, from 0.
 ///     level: SIMD level, None for the fastest of this CPU; the results are the same.
 ///
 /// Raises:
+///     SystemLimitError: The system grants too little memory.
 ///     ValueError: The arrays differ in length, or the SIMD level is unknown or not available.
 #[pyfunction]
 #[pyo3(signature = (
@@ -54,7 +56,7 @@ pub fn random_words<'py>(
         stream: stream.as_slice()?,
         draw,
     };
-    // For the four arrays below: a random word has 32 bits, as the number of a stream has.
+    // Memory for the four arrays below, each as large as `stream`: both have 32 bits for each simulation.
     expect_room(4 * size_of_val(block.stream))?;
     let mut words: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
     let out = words.each_mut().map(Vec::as_mut_slice);

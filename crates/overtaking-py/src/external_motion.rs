@@ -44,8 +44,8 @@ impl ExternallyMovedSimulation {
     ///     level: SIMD level; None for the best of this CPU.
     ///
     /// Raises:
-    ///     ValueError: There is not one simulation, an array has another length, or the SIMD level
-    ///         is unknown or not available.
+    ///     ValueError: `inputs` has no simulation or several, an array has another length, or the
+    ///         SIMD level is unknown or not available.
     #[new]
     #[pyo3(signature = (
         inputs: "Inputs",
@@ -113,6 +113,7 @@ impl ExternallyMovedSimulation {
                 },
             )
             .collect();
+        // `other_slot` needs no check: it is recorded, and never an index.
         if contacts
             .iter()
             .any(|contact| contact.slot >= self.num_slots)

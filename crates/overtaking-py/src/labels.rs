@@ -262,7 +262,8 @@ pub fn target_signals(
 /// and are copied once more when the vectors of the threads are joined.
 const ALONGSIDE_BYTES: usize = 96;
 
-/// Arrays with a value for each frame in which ego and target overlap.
+/// For each frame in which ego and target overlap: simulation, frame, lane of the target, gap between the sides, and
+/// acceleration of the target.
 type AlongsideArrays<'py> = (
     Bound<'py, PyArray1<i64>>,
     Bound<'py, PyArray1<i64>>,

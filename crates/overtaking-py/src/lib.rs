@@ -80,7 +80,8 @@ type SwitchArrays<'a> = (
 ///
 /// Args:
 ///     inputs: Inputs of the batch.
-///     frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`.
+///     frames: Frames that the outputs have room for, a multiple of `SIMD_LANES`: the recorder
+///         writes `SIMD_LANES` frames at once.
 ///     outputs: Flat arrays by name.
 ///     switches: For each step at which parameters change: vehicle and simulation parameters,
 ///         indices of the scenarios, errors of the egos in judging distance and speed

@@ -29,11 +29,12 @@ impl PedalDriving {
     ///     level: SIMD level; None for the best of this CPU.
     ///
     /// Raises:
-    ///     ValueError: There is not one simulation, or the SIMD level is unknown or not available.
+    ///     ValueError: `inputs` has no simulation or several, or the SIMD level is unknown or not
+    ///         available.
     #[new]
     #[pyo3(signature = (inputs: "Inputs", level: "str | None" = None))]
     fn new(inputs: Bound<'_, PyInputs>, level: Option<&str>) -> PyResult<Self> {
-        // One number for each simulation.
+        // `scenario_index` has one number for each simulation.
         expect_length("scenario_index", inputs.get().num_simulations, 1)?;
         Ok(Self {
             inputs: inputs.unbind(),

@@ -90,6 +90,7 @@ def _turn_wheels(state: State, params: StepParameters, requested_angle: F32, spe
     accel_lat = speed * speed * sine / (cosine * vehicles.wheelbase)
     max_accel = constants.gravity * HALF * (friction.mu_left + friction.mu_right)
     lean_error = clamp(accel_lat, -max_accel, max_accel) - controls.wheel_angle
+    # Share of the error that a first-order lag removes in a step, by the trapezoidal rule.
     lag_share = constants.step / (constants.two_wheeler_lag + HALF * constants.step)
     change = np.where(vehicles.two_wheeler > 0, lean_error * lag_share, turn)
     start_angle = controls.wheel_angle
