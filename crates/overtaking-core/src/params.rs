@@ -21,8 +21,8 @@ pub struct Road {
     /// Lane borders of at most eight lanes, from the kerb side to the overtaking side, padded with copies of the last
     /// one [m].
     pub boundaries: [f32; 9],
-    /// Factor on the thickness of the water film in each lane, which grows with the length of its drainage path; padded
-    /// [1].
+    /// Factor on the thickness of the water film in each lane. It grows with the lane's distance from the crown of the
+    /// road, from which the water drains; padded [1].
     pub film_path: [f32; 8],
     /// +1 in right-hand traffic, -1 in left-hand traffic.
     pub overtaking_sign: f32,
@@ -185,7 +185,7 @@ pub struct RoadDirections {
     /// Sum of the lateral positions of both edges; an oncoming vehicle at `d` is at `edge_sum - d`
     /// in the coordinates of its own direction [m].
     pub edge_sum: f32,
-    /// Sight distance that a map states along the road [m].
+    /// Sight distance that a map states along the road; the sight of `CourseTable` then limits nothing [m].
     pub sight_along: KnotTable,
     /// Sight distance that a map states for oncoming traffic [m].
     pub sight_against: KnotTable,

@@ -232,6 +232,7 @@ fn params_in_all_lanes<S: Simd, const N: usize>(simd: S, inputs: &Inputs<'_>) ->
         vehicles,
         simulations,
         num_slots_in_use: inputs.num_slots,
+        // Only perception and lane changes of model drivers read it.
         is_ring: false,
         key: [inputs.seed as u32, (inputs.seed >> 32) as u32],
         scenario_index_low: [inputs.scenario_index[0] as u32; SIMD_LANES],

@@ -17,12 +17,13 @@ use crate::recording::{
 };
 use crate::vectors::{F32, SIMD_LANES, select, splat};
 
-/// Distance ahead of and behind the ego over which the occupancy of the left lane is measured [mm]. It has the value of
-/// `OCCUPANCY_REACH_MM` in `overtaking.labels.snapshots`.
+/// Distance ahead of and behind the ego over which the occupancy of the left lane is measured, a choice [mm]. It has
+/// the value of `OCCUPANCY_REACH_MM` in `overtaking.labels.snapshots`.
 const OCCUPANCY_REACH_MM: i32 = 100_000;
 /// Smallest number of simulations that a thread takes at a time, a choice: one takes less than a microsecond.
 const SIMULATIONS_PER_TASK: usize = 64;
 
+// Declares `NeighbourSignals`, and with the token `$` the macro `with_neighbour_signals`, which lists its fields.
 signal_outputs! {
     ($) with_neighbour_signals
     /// Arrays for gaps to the neighbours and for the left lane.
@@ -35,7 +36,7 @@ signal_outputs! {
     lateral_gap: f32, NUM_ROLES;
     /// Share of the left lane within `OCCUPANCY_REACH_MM` that vehicles cover [1].
     left_occupancy: f32, 1;
-    /// Number of vehicles in the left lane, at any distance.
+    /// Number of vehicles in the left lane, at any distance as in the study of Pinto, Dutra and Fonseca.
     left_count: u8, 1;
 }
 

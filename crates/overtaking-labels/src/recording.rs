@@ -47,7 +47,8 @@ pub struct PackedRecording<'a> {
     pub heading: Vec<&'a [i16]>,
     /// Longitudinal acceleration [mm/s^2].
     pub accel: Vec<&'a [i16]>,
-    /// Lane index.
+    /// Lane index, from 0 at the kerb side; `num_lanes` beyond the overtaking-side edge of the road, `BEYOND_KERB_EDGE`
+    /// beyond the kerb-side edge.
     pub lane: Vec<&'a [u8]>,
     /// Slot with which the ego has collided so far, one row for each simulation.
     pub collided_with: Vec<&'a [u8]>,

@@ -98,7 +98,8 @@ macro_rules! event_threshold_values {
 }
 with_event_thresholds! { event_threshold_values! }
 
-/// Borrow every array of a struct of outputs, and evaluate `$body` with `$out` over them.
+/// Borrow every array of a struct of outputs, and evaluate `$body` with `$out` over them. Macros such as
+/// `with_ego_signals!` call this one and append the fields of the struct to its first group.
 macro_rules! with_outputs {
     (
         { $name:ident, $arrays:expr, $cells:expr, |$out:ident| $body:expr }
