@@ -239,6 +239,8 @@ fn trace_attempt(drive: &EgoDrive<'_>, target: u8, begin: usize) -> Attempt {
     let (left_line, right_line) = (drive.left_line(lane), drive.right_line(lane));
     // The distance `over_line` only recognises movements; the event is the frame in which a corner passes the line.
     let crossed = (begin..drive.num_driven).find(|&frame| signals.left_edge[frame] > left_line);
+    // Before the crossing, the ego aborts if it comes back to where it began; after it, if it comes back into its lane
+    // behind the target.
     let undone = undone_frame(drive, begin, drive.num_driven)
         .filter(|&frame| crossed.is_none_or(|crossed| frame < crossed));
     let end = undone.unwrap_or(drive.num_driven);
@@ -254,7 +256,6 @@ fn trace_attempt(drive: &EgoDrive<'_>, target: u8, begin: usize) -> Attempt {
         .map(|(crossed, overlap_end)| crossed.max(overlap_end));
     let return_end =
         frames_from(passed).find(|&frame| is_in_lane(frame) && position.is_past(frame));
-    // The ego also aborts if it comes back behind the target before it has passed the target.
     let back_behind =
         frames_from(crossed).find(|&frame| is_in_lane(frame) && position.is_behind(frame));
     let back_behind = back_behind.filter(|&frame| return_end.is_none_or(|end| frame <= end));
