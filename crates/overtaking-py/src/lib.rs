@@ -54,7 +54,7 @@ macro_rules! borrow_outputs {
     }};
 }
 
-/// Call `run` with the output arrays of a batch, whose numbers of simulations, slots and frames are the second argument.
+/// Call `run` with the output arrays of a batch. The second argument has its numbers of simulations, slots and frames.
 ///
 /// # Errors
 /// `KeyError`: An array is missing. `ValueError`: An array has another length or is not contiguous.
