@@ -113,7 +113,7 @@ impl ExternallyMovedSimulation {
                 },
             )
             .collect();
-        // `other_slot` needs no check: it is recorded, and never an index.
+        // `other_slot` is not checked: the engine only records it.
         if contacts
             .iter()
             .any(|contact| contact.slot >= self.num_slots)
