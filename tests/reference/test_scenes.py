@@ -12,7 +12,16 @@ from overtaking.sim import engine
 
 from .scenes import WRITTEN, Written
 
-LANES, ACCIDENTS, MEETINGS, _, COMES_IN, _, GIVEN_UP, STEERED, RING, LIMITS, BOTH_WAYS = WRITTEN
+BY_NAME = {written.name: written for written in WRITTEN}
+LANES = BY_NAME["lane changes by hand"]
+ACCIDENTS = BY_NAME["accidents by hand"]
+MEETINGS = BY_NAME["meetings by hand"]
+COMES_IN = BY_NAME["comes in alone"]
+GIVEN_UP = BY_NAME["given up by hand"]
+STEERED = BY_NAME["steered by hand"]
+RING = BY_NAME["ring by hand"]
+LIMITS = BY_NAME["limits by hand"]
+BOTH_WAYS = BY_NAME["limits of each way by hand"]
 
 
 @cache
