@@ -1,4 +1,4 @@
-"""Lane changes and reactions in recordings that are written by hand."""
+"""Lane changes, hard braking and near crashes in recordings with states that the test writes."""
 
 from __future__ import annotations
 
@@ -21,12 +21,17 @@ if TYPE_CHECKING:
 
     from overtaking.model.trajectories import Trajectories
 
-SECOND = 20
+FRAMES_PER_S = 20
 LANE_MM, LENGTH_M = 3500, 4.4
 
 
-def still(*starts: tuple[float, float], horizon: float = 40.0) -> Trajectories:
-    """Vehicles at constant speed in the slow lane: place [m] and speed [m/s] of each."""
+def steady_traffic(*starts: tuple[float, float], horizon: float = 40.0) -> Trajectories:
+    """Vehicles at constant speed in the slow lane, without lights and contacts.
+
+    Args:
+        starts: Station [m] and speed [m/s] of each vehicle.
+        horizon: Duration [s].
+    """
     vehicles = [
         Vehicle(s=s, lane=0, speed=speed, driver={"desired_speed": speed}) for s, speed in starts
     ]
@@ -36,45 +41,54 @@ def still(*starts: tuple[float, float], horizon: float = 40.0) -> Trajectories:
     states = {name: np.zeros_like(getattr(runs.states, name)) for name in ("lane", "lights")}
     states |= {name: np.zeros_like(runs.states.s) for name in ("accel_lon", "accel_lat")}
     s, speed = np.zeros_like(runs.states.s), np.zeros_like(runs.states.speed)
-    for slot, (place, pace) in enumerate(starts):
-        s[0, slot], speed[0, slot] = 1e3 * (place + pace * frames / SECOND), 1e3 * pace
+    for slot, (start_s, constant_speed) in enumerate(starts):
+        s[0, slot], speed[0, slot] = (
+            1e3 * (start_s + constant_speed * frames / FRAMES_PER_S),
+            1e3 * constant_speed,
+        )
     d = np.repeat(runs.states.d[:, :, :1], len(frames), axis=2)
-    small = {name: states[name].astype(np.int16) for name in ("accel_lon", "accel_lat")}
-    none = np.full_like(runs.contacts.partner, NO_VEHICLE)
+    no_accelerations = {name: states[name].astype(np.int16) for name in ("accel_lon", "accel_lat")}
+    no_partner = np.full_like(runs.contacts.partner, NO_VEHICLE)
     return runs.replace(
-        num_frames=np.array([len(frames)], np.int32) * 0 + round(horizon * SECOND),
+        num_frames=np.array([len(frames)], np.int32) * 0 + round(horizon * FRAMES_PER_S),
         states=runs.states.replace(
-            s=s, speed=speed, d=d, lane=states["lane"], lights=states["lights"], **small
+            s=s, speed=speed, d=d, lane=states["lane"], lights=states["lights"], **no_accelerations
         ),
-        contacts=runs.contacts.replace(partner=none),
+        contacts=runs.contacts.replace(partner=no_partner),
     )
 
 
-def moved(runs: Trajectories, *ways: tuple[float, float], slot: int = 0) -> Trajectories:
-    """A vehicle whose shift in lanes is given at times [s], lights on from the first on."""
-    times, shifts = zip(*ways, strict=True)
-    shift = np.interp(np.arange(runs.states.d.shape[2]) / SECOND, times, shifts)
-    return changed(
+def with_shift(runs: Trajectories, *points: tuple[float, float], slot: int = 0) -> Trajectories:
+    """The recording with one vehicle shifted to the left.
+
+    Args:
+        runs: The recording.
+        points: Times [s] and shifts [lanes], between which the shift is linear.
+        slot: Slot of the vehicle.
+    """
+    times, shifts = zip(*points, strict=True)
+    shift = np.interp(np.arange(runs.states.d.shape[2]) / FRAMES_PER_S, times, shifts)
+    return with_edits(
         runs,
         d=lambda d: d[0, slot].__iadd__(np.round(LANE_MM * shift).astype(np.int32)),
         lane=lambda lane: np.copyto(lane[0, slot], (shift >= 0.5).astype(np.uint8)),
     )
 
 
-def changed(runs: Trajectories, **edits: Callable[[np.ndarray], Any]) -> Trajectories:
-    """The recording with arrays that are changed in place."""
+def with_edits(runs: Trajectories, **edits: Callable[[np.ndarray], Any]) -> Trajectories:
+    """The recording with states edited in place by a function each."""
     arrays = {name: getattr(runs.states, name).copy() for name in edits}
     for name, edit in edits.items():
         edit(arrays[name])
     return runs.replace(states=runs.states.replace(**arrays))
 
 
-def signalling(runs: Trajectories, begin: float, end: float, light: Lights) -> Trajectories:
-    frames = slice(round(begin * SECOND), round(end * SECOND))
-    return changed(runs, lights=lambda lights: lights[0, 0, frames].fill(int(light)))
+def with_indicator(runs: Trajectories, begin: float, end: float, light: Lights) -> Trajectories:
+    frames = slice(round(begin * FRAMES_PER_S), round(end * FRAMES_PER_S))
+    return with_edits(runs, lights=lambda lights: lights[0, 0, frames].fill(int(light)))
 
 
-def counted(runs: Trajectories, module: Any = changes) -> Tally:
+def tally_of(runs: Trajectories, module: Any = changes) -> Tally:
     tally = Tally()
     module.count(tally, Batch.of(runs))
     return tally
@@ -84,38 +98,42 @@ def total(tally: Tally, name: str) -> float:
     return float(tally.total(name).sum())
 
 
-OUT = ((10.0, 0.0), (15.0, 1.0))
-OUT_AND_BACK = (*OUT, (20.0, 1.0), (25.0, 0.0))
+LEFT_CHANGE = ((10.0, 0.0), (15.0, 1.0))
+LEFT_CHANGE_AND_BACK = (*LEFT_CHANGE, (20.0, 1.0), (25.0, 0.0))
 
 
-def test_a_change_that_is_taken_back_soon_is_undone():
-    tally = counted(moved(still((100.0, 25.0)), *OUT_AND_BACK))
+def test_a_lane_change_with_a_return_soon_after_is_undone():
+    tally = tally_of(with_shift(steady_traffic((100.0, 25.0)), *LEFT_CHANGE_AND_BACK))
     assert total(tally, "changes") == 2.0
-    # The way back is followed by 17.5 s of record: it is watched as well, and stands.
+    # The record ends 17.5 s after the change back, so that change is watched too, and not undone.
     assert (total(tally, "watched"), total(tally, "undone")) == (2.0, 1.0)
 
 
-def test_a_change_that_passes_another_is_not_undone():
-    tally = counted(moved(still((100.0, 30.0), (400.0, 10.0)), *OUT_AND_BACK))
+def test_a_lane_change_to_pass_a_slower_vehicle_is_not_undone():
+    tally = tally_of(
+        with_shift(steady_traffic((100.0, 30.0), (400.0, 10.0)), *LEFT_CHANGE_AND_BACK)
+    )
     assert (total(tally, "watched"), total(tally, "undone")) == (2.0, 0.0)
 
 
-def test_a_change_back_after_long_is_not_undone():
-    late = (*OUT, (30.0, 1.0), (35.0, 0.0))
-    tally = counted(moved(still((100.0, 25.0), horizon=60.0), *late))
+def test_a_lane_change_with_a_late_return_is_not_undone():
+    late_return = (*LEFT_CHANGE, (30.0, 1.0), (35.0, 0.0))
+    tally = tally_of(with_shift(steady_traffic((100.0, 25.0), horizon=60.0), *late_return))
     assert (total(tally, "watched"), total(tally, "undone")) == (2.0, 0.0)
 
 
-def test_a_change_whose_next_seconds_are_not_recorded_is_not_watched():
-    tally = counted(moved(still((100.0, 25.0), horizon=20.0), *OUT))
+def test_a_lane_change_shortly_before_the_end_of_the_record_is_not_watched():
+    tally = tally_of(with_shift(steady_traffic((100.0, 25.0), horizon=20.0), *LEFT_CHANGE))
     assert (total(tally, "changes"), total(tally, "watched")) == (1.0, 0.0)
 
 
-HALFWAY = ((10.0, 0.0), (12.0, 0.3), (14.0, 0.0))
+ABORTED_CHANGE = ((10.0, 0.0), (12.0, 0.3), (14.0, 0.0))
 
 
-def test_a_signalled_move_that_comes_back_before_the_line_is_given_up():
-    tally = counted(signalling(moved(still((100.0, 25.0)), *HALFWAY), 9.0, 12.5, LEFT))
+def test_a_signalled_move_that_returns_before_the_line_is_an_aborted_lane_change():
+    tally = tally_of(
+        with_indicator(with_shift(steady_traffic((100.0, 25.0)), *ABORTED_CHANGE), 9.0, 12.5, LEFT)
+    )
     assert (total(tally, "begun"), total(tally, "given_up")) == (1.0, 1.0)
 
 
@@ -123,21 +141,23 @@ LEFT, RIGHT = Lights.INDICATOR_LEFT, Lights.INDICATOR_RIGHT
 
 
 @pytest.mark.parametrize(
-    ("way", "light", "begun"),
+    ("points", "light", "num_begun"),
     [
-        (OUT, LEFT, 1.0),  # Completed.
-        (OUT, RIGHT, 0.0),  # To the other side.
-        (((10.0, 0.0), (12.0, 0.1), (14.0, 0.0)), LEFT, 0.0),  # Wandering.
-        (HALFWAY, LEFT | RIGHT, 0.0),  # A wreck with hazard lamps.
+        (LEFT_CHANGE, LEFT, 1.0),  # Completed.
+        (LEFT_CHANGE, RIGHT, 0.0),  # The indicator points to the other side.
+        (((10.0, 0.0), (12.0, 0.1), (14.0, 0.0)), LEFT, 0.0),  # A wander of 0.1 lanes.
+        (ABORTED_CHANGE, LEFT | RIGHT, 0.0),  # A wreck with hazard lamps.
     ],
 )
-def test_what_is_not_given_up(way, light, begun):
-    tally = counted(signalling(moved(still((100.0, 25.0)), *way), 9.0, 15.0, light))
-    assert (total(tally, "begun"), total(tally, "given_up")) == (begun, 0.0)
+def test_other_lateral_moves_are_no_aborted_lane_changes(points, light, num_begun):
+    tally = tally_of(
+        with_indicator(with_shift(steady_traffic((100.0, 25.0)), *points), 9.0, 15.0, light)
+    )
+    assert (total(tally, "begun"), total(tally, "given_up")) == (num_begun, 0.0)
 
 
-def test_the_gap_at_the_start_is_to_the_leader_in_the_old_lane():
-    tally = counted(moved(still((100.0, 25.0), (140.0, 25.0)), *OUT))
+def test_the_gap_at_the_start_of_a_lane_change_is_to_the_leader_in_the_old_lane():
+    tally = tally_of(with_shift(steady_traffic((100.0, 25.0), (140.0, 25.0)), *LEFT_CHANGE))
     gap = quantile(tally.total("start_gaps"), 0.5, SPACE_WIDTH)
     assert gap == pytest.approx(40.0 - LENGTH_M, abs=0.5)
     headway = quantile(tally.total("start_headways"), 0.5, HEADWAY_WIDTH)
@@ -145,10 +165,10 @@ def test_the_gap_at_the_start_is_to_the_leader_in_the_old_lane():
     assert total(tally, "return_gaps") == 0.0
 
 
-def test_the_gap_at_the_return_is_from_who_is_behind_in_the_entered_lane():
-    back = ((0.0, 1.0), (10.0, 1.0), (15.0, 0.0))
-    tally = counted(moved(still((100.0, 25.0), (50.0, 20.0)), *back))
-    # The motion is visible from 10 s to 15 s, 5 m/s apart.
+def test_the_gap_at_the_return_is_to_the_follower_in_the_entered_lane():
+    return_points = ((0.0, 1.0), (10.0, 1.0), (15.0, 0.0))
+    tally = tally_of(with_shift(steady_traffic((100.0, 25.0), (50.0, 20.0)), *return_points))
+    # The return ends at 15 s; the gap grows by 5 m/s.
     gap = quantile(tally.total("return_gaps"), 0.5, SPACE_WIDTH)
     assert gap == pytest.approx(50.0 + 5.0 * 15.0 - LENGTH_M, abs=2.0)
     headway = quantile(tally.total("return_headways"), 0.5, HEADWAY_WIDTH)
@@ -156,48 +176,58 @@ def test_the_gap_at_the_return_is_from_who_is_behind_in_the_entered_lane():
     assert total(tally, "start_gaps") == 0.0
 
 
-def braking(runs: Trajectories, begin: float, end: float, hard: float) -> Trajectories:
-    frames = slice(round(begin * SECOND), round(end * SECOND))
-    return changed(runs, accel_lon=lambda along: along[0, 0, frames].fill(round(-1e3 * hard)))
+def with_braking(runs: Trajectories, begin: float, end: float, deceleration: float) -> Trajectories:
+    frames = slice(round(begin * FRAMES_PER_S), round(end * FRAMES_PER_S))
+    return with_edits(
+        runs, accel_lon=lambda accel_lon: accel_lon[0, 0, frames].fill(round(-1e3 * deceleration))
+    )
 
 
 @pytest.mark.parametrize(
-    ("hard", "expected"), [(3.9, (0.0, 0.0)), (4.1, (1.0, 0.0)), (6.1, (1.0, 1.0))]
+    ("deceleration", "expected"), [(3.9, (0.0, 0.0)), (4.1, (1.0, 0.0)), (6.1, (1.0, 1.0))]
 )
-def test_hard_braking_is_counted_by_episodes(hard, expected):
-    tally = counted(braking(still((100.0, 25.0)), 10.0, 12.0, hard), conflicts)
+def test_braking_above_4_is_hard_and_above_6_metres_per_second_squared_very_hard(
+    deceleration, expected
+):
+    tally = tally_of(
+        with_braking(steady_traffic((100.0, 25.0)), 10.0, 12.0, deceleration), conflicts
+    )
     assert (total(tally, "hard_braking"), total(tally, "very_hard_braking")) == expected
 
 
-def test_braking_again_at_once_is_the_same_episode():
-    runs = braking(braking(still((100.0, 25.0)), 10.0, 11.0, 5.0), 11.5, 12.0, 5.0)
-    assert total(counted(runs, conflicts), "hard_braking") == 1.0
-    assert total(counted(braking(runs, 14.0, 14.5, 5.0), conflicts), "hard_braking") == 2.0
+def test_hard_braking_again_within_half_a_second_is_the_same_episode():
+    runs = with_braking(
+        with_braking(steady_traffic((100.0, 25.0)), 10.0, 11.0, 5.0), 11.5, 12.0, 5.0
+    )
+    assert total(tally_of(runs, conflicts), "hard_braking") == 1.0
+    assert total(tally_of(with_braking(runs, 14.0, 14.5, 5.0), conflicts), "hard_braking") == 2.0
 
 
-def at_ten_seconds(gap: float) -> Trajectories:
-    """A vehicle that closes in at 10 m/s on its leader, which is so far ahead after 10 s."""
-    return still((100.0, 25.0), (100.0 + LENGTH_M + gap + 100.0, 15.0), horizon=11.0)
+def approach(gap: float) -> Trajectories:
+    """A follower approaches its leader at 10 m/s; after 10 s the gap is `gap` [m]."""
+    return steady_traffic((100.0, 25.0), (100.0 + LENGTH_M + gap + 100.0, 15.0), horizon=11.0)
 
 
-@pytest.mark.parametrize(("gap", "near"), [(14.5, 1.0), (15.5, 0.0)])
-def test_a_near_crash_is_little_time_and_hard_braking(gap, near):
-    runs = braking(at_ten_seconds(gap), 10.0, 10.05, 4.5)
-    assert total(counted(runs, conflicts), "near_crashes") == near
+@pytest.mark.parametrize(("gap", "num_near_crashes"), [(14.5, 1.0), (15.5, 0.0)])
+def test_hard_braking_with_a_time_to_collision_below_1_5_s_is_a_near_crash(gap, num_near_crashes):
+    runs = with_braking(approach(gap), 10.0, 10.05, 4.5)
+    assert total(tally_of(runs, conflicts), "near_crashes") == num_near_crashes
 
 
-def test_steering_as_hard_is_a_near_crash_too_and_neither_is_none():
-    frame = 10 * SECOND
-    steers = changed(at_ten_seconds(14.0), accel_lat=lambda a: a[0, 0, frame:].fill(-4100))
-    assert total(counted(steers, conflicts), "near_crashes") == 1.0
-    assert total(counted(steers, conflicts), "hard_braking") == 0.0
-    assert total(counted(at_ten_seconds(14.0), conflicts), "near_crashes") == 0.0
+def test_hard_steering_is_a_near_crash_and_an_approach_without_reaction_is_not():
+    frame = 10 * FRAMES_PER_S
+    steers = with_edits(
+        approach(14.0), accel_lat=lambda accel_lat: accel_lat[0, 0, frame:].fill(-4100)
+    )
+    assert total(tally_of(steers, conflicts), "near_crashes") == 1.0
+    assert total(tally_of(steers, conflicts), "hard_braking") == 0.0
+    assert total(tally_of(approach(14.0), conflicts), "near_crashes") == 0.0
 
 
-def test_what_ends_in_contact_is_no_near_crash():
-    runs = braking(at_ten_seconds(14.0), 10.0, 10.5, 4.5)
+def test_hard_braking_that_ends_in_contact_is_no_near_crash():
+    runs = with_braking(approach(14.0), 10.0, 10.5, 4.5)
     partner, time = runs.contacts.partner.copy(), runs.contacts.time.copy()
     partner[0, 0], time[0, 0] = 1, 14_000
-    hit = runs.replace(contacts=runs.contacts.replace(partner=partner, time=time))
-    assert total(counted(hit, conflicts), "near_crashes") == 0.0
-    assert total(counted(hit, conflicts), "hard_braking") == 1.0
+    collision = runs.replace(contacts=runs.contacts.replace(partner=partner, time=time))
+    assert total(tally_of(collision, conflicts), "near_crashes") == 0.0
+    assert total(tally_of(collision, conflicts), "hard_braking") == 1.0

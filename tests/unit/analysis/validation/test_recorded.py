@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 from tests.support.recordings import OVERTAKE, Mover, commonroad
-from tests.unit.analysis.validation.test_changes import still
+from tests.unit.analysis.validation.test_changes import steady_traffic
 
 from overtaking.analysis.validation import recorded
 from overtaking.analysis.validation.traffic import Batch
@@ -25,13 +25,13 @@ def test_the_distance_is_that_of_smirnov():
 
 
 def test_the_density_is_that_of_even_spacing():
-    batch = Batch.of(still(*((100.0 + 40.0 * k, 25.0) for k in range(6))))
+    batch = Batch.of(steady_traffic(*((100.0 + 40.0 * k, 25.0) for k in range(6))))
     lanes = batch.runs.road.num_lanes
     assert recorded._density(batch) == pytest.approx(25.0 / lanes, rel=0.01)
 
 
 def test_what_is_sampled_of_a_follower_is_its_time_gap_and_speed():
-    batch = Batch.of(still((100.0, 25.0), (154.4, 25.0)))
+    batch = Batch.of(steady_traffic((100.0, 25.0), (154.4, 25.0)))
     found = recorded._samples(batch, recorded._egos(batch))
     assert found["speed"] == pytest.approx(25.0)
     assert found["time gap of followers"] == pytest.approx(2.0, abs=0.01)
