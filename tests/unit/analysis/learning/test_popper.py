@@ -1,4 +1,4 @@
-"""The files of Popper: read by clingo and by Prolog, and true."""
+"""Input files of the rule learner Popper: clingo and Prolog read them, and their facts hold."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def lines(path: Path) -> list[str]:
     return [line for line in path.read_text("utf-8").splitlines() if not line.startswith("%")]
 
 
-def test_there_are_the_three_files_and_no_other(folder: Path):
-    assert sorted(one.name for one in folder.iterdir()) == sorted(FILES)
+def test_a_popper_folder_contains_exactly_three_files(folder: Path):
+    assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
 
 
 def test_every_line_is_a_fact(folder: Path):
@@ -54,48 +54,50 @@ def test_every_declared_predicate_has_facts_and_every_fact_is_declared(folder: P
     assert declared == used
 
 
-def test_facts_say_where_conditions_hold(folder: Path):
+def test_facts_name_the_simulations_in_which_a_condition_holds(folder: Path):
     examples = planted()
     positive = (examples.classes == "Unsuccess_col").to_numpy()
     text = (folder / "bk.pl").read_text("utf-8")
-    seen = 0
-    for one in conditions_of(examples, positive):
-        facts = re.findall(rf"^{predicate(one)}\(s(\d+)\)\.$", text, re.MULTILINE)
+    num_conditions = 0
+    for condition in conditions_of(examples, positive):
+        facts = re.findall(rf"^{predicate(condition)}\(s(\d+)\)\.$", text, re.MULTILINE)
         if facts:
-            assert [int(n) for n in facts] == examples.simulations[one.holds(examples)].tolist()
-            seen += 1
-    assert seen >= 3
-    said = lines(folder / "exs.pl")
-    assert sum(line.startswith("pos") for line in said) == positive.sum()
-    assert len(said) == len(examples)
+            assert [int(number) for number in facts] == examples.simulations[
+                condition.holds(examples)
+            ].tolist()
+            num_conditions += 1
+    assert num_conditions >= 3
+    examples_lines = lines(folder / "exs.pl")
+    assert sum(line.startswith("pos") for line in examples_lines) == positive.sum()
+    assert len(examples_lines) == len(examples)
 
 
-def test_clingo_reads_them(folder: Path):
+def test_clingo_reads_the_files(folder: Path):
     control = clingo.Control()
     for name in FILES:
         control.load(str(folder / name))
     control.ground([("base", [])])
-    heads = [one.symbol for one in control.symbolic_atoms.by_signature("head_pred", 2)]
-    assert [str(one) for one in heads] == ["head_pred(collision,1)"]
+    heads = [atom.symbol for atom in control.symbolic_atoms.by_signature("head_pred", 2)]
+    assert [str(atom) for atom in heads] == ["head_pred(collision,1)"]
 
 
 @pytest.mark.skipif(shutil.which("swipl") is None, reason="SWI-Prolog is not installed")
-def test_prolog_reads_them_without_a_word(folder: Path):
+def test_prolog_reads_the_files_without_warnings(folder: Path):
     count = "aggregate_all(count, pos(_), N), format('~w', [N])"
     loads = ", ".join(f"consult('{folder / name}')" for name in FILES)
-    done = subprocess.run(
+    process = subprocess.run(
         ["swipl", "-q", "-g", f"{loads}, {count}, halt", "-t", "halt(1)"],
         capture_output=True,
         text=True,
         timeout=60,
         check=False,
     )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert int(done.stdout) == (planted().classes == "Unsuccess_col").sum()
+    assert (process.returncode, process.stderr) == (0, "")
+    assert int(process.stdout) == (planted().classes == "Unsuccess_col").sum()
 
 
-def test_a_folder_that_is_taken_is_left_alone(tmp_path: Path):
+def test_a_folder_with_other_files_is_left_unchanged(tmp_path: Path):
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(ConfigError):
         write_popper(planted(), TARGETS["collision"], tmp_path)
-    assert [one.name for one in tmp_path.iterdir()] == ["mine.txt"]
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]

@@ -1,4 +1,4 @@
-"""Conditions in words."""
+"""Texts of conditions."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ from overtaking.data.tables.schemas import SCHEMAS
         ("lane", 1.0, False, "number of lanes to the right below 1"),
     ],
 )
-def test_a_driver_would_say_it_so(name: str, value: float, is_least: bool, text: str):
+def test_a_condition_has_a_text_in_plain_words(name: str, value: float, is_least: bool, text: str):
     assert condition_text(BY_NAME[name], value, is_least=is_least) == text
 
 
-def test_the_ends_of_a_limit_do_not_blur():
+def test_values_are_rounded_in_the_unit_of_their_text():
     assert rounded(33.2, "km/h") * 3.6 == pytest.approx(120.0)
     assert rounded(0.04, "s") == 0.0
     assert rounded(0.5, "n") == 1
@@ -74,10 +74,10 @@ def test_the_ends_of_a_limit_do_not_blur():
 
 def test_every_attribute_has_a_unit_and_comes_from_the_table_of_decisions():
     columns = set(SCHEMAS["attempts"].names)
-    for one in ATTRIBUTES:
-        assert one.scale.unit in UNITS
-        assert one.name in columns or one.name in DERIVED, one.name
-        assert not one.name.startswith("believed")
+    for attribute in ATTRIBUTES:
+        assert attribute.scale.unit in UNITS
+        assert attribute.name in columns or attribute.name in DERIVED, attribute.name
+        assert not attribute.name.startswith("believed")
 
 
 def test_every_attribute_belongs_to_one_factor():
@@ -85,8 +85,8 @@ def test_every_attribute_belongs_to_one_factor():
     assert sorted(names) == sorted(BY_NAME)
 
 
-def test_what_is_said_is_what_is_tested():
-    """A text holds the border to all its digits, so that a reader can apply it."""
+def test_the_text_of_a_condition_contains_its_exact_border():
+    """A reader can apply the condition because the text contains every digit of the border."""
     border = rounded(12.3456, "m")
-    one = Condition(attribute=BY_NAME["leader_gap_m"], value=border, is_least=False)
-    assert one.text == f"gap to the vehicle ahead below {border:g} m"
+    condition = Condition(attribute=BY_NAME["leader_gap_m"], value=border, is_least=False)
+    assert condition.text == f"gap to the vehicle ahead below {border:g} m"

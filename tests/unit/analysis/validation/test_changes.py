@@ -168,7 +168,7 @@ def test_the_gap_at_the_start_of_a_lane_change_is_to_the_leader_in_the_old_lane(
 def test_the_gap_at_the_return_is_to_the_follower_in_the_entered_lane():
     return_points = ((0.0, 1.0), (10.0, 1.0), (15.0, 0.0))
     tally = tally_of(with_shift(steady_traffic((100.0, 25.0), (50.0, 20.0)), *return_points))
-    # The return ends at 15 s; the gap grows by 5 m/s.
+    # The return ends at 15 s; until then the gap grows by 5 m/s.
     gap = quantile(tally.total("return_gaps"), 0.5, SPACE_WIDTH)
     assert gap == pytest.approx(50.0 + 5.0 * 15.0 - LENGTH_M, abs=2.0)
     headway = quantile(tally.total("return_headways"), 0.5, HEADWAY_WIDTH)

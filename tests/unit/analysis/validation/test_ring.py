@@ -27,44 +27,49 @@ def world():
 
 @pytest.mark.ci
 def test_engine_and_reference_agree_on_a_ring(world):
-    scenario, given = world
-    one, other = engine.run(scenario, given), reference.run(scenario, given)
-    np.testing.assert_array_equal(one.trace_hash, other.trace_hash)
+    scenario, parameters = world
+    engine_runs, reference_runs = (
+        engine.run(scenario, parameters),
+        reference.run(scenario, parameters),
+    )
+    np.testing.assert_array_equal(engine_runs.trace_hash, reference_runs.trace_hash)
 
 
 def test_vehicles_are_spread_evenly_at_the_density(world):
     scenario, _ = world
     valid = scenario.vehicles.valid
-    length = 1e3 * scenario.num_vehicles / (3 * DENSITY)
-    for one in range(20):
+    # Length of the ring with three lanes at `DENSITY` vehicles per km and lane.
+    ring_length = 1e3 * scenario.num_vehicles / (3 * DENSITY)
+    for simulation in range(20):
         for lane in range(3):
-            there = valid[one] & (scenario.start_lane[one] == lane)
-            if not there.any():
+            is_in_lane = valid[simulation] & (scenario.start_lane[simulation] == lane)
+            if not is_in_lane.any():
                 continue
-            s = np.sort(scenario.start_s[one, there])
-            assert np.diff(s) == pytest.approx(length[one] / there.sum(), rel=1e-3)
+            s = np.sort(scenario.start_s[simulation, is_in_lane])
+            assert np.diff(s) == pytest.approx(ring_length[simulation] / is_in_lane.sum(), rel=1e-3)
 
 
-def test_the_foremost_follows_the_rearmost(world):
-    scenario, given = world
-    runs = engine.run(scenario, given)
+def test_the_foremost_vehicle_of_a_ring_follows_the_rearmost(world):
+    scenario, parameters = world
+    runs = engine.run(scenario, parameters)
     gap, _ = leaders(Batch.of(runs), slice(None))
-    first = np.isinf(gap[:, 0]) & scenario.vehicles.valid
-    foremost = first & (scenario.drivers.desired_speed > scenario.start_speed + 5.0)
-    foremost[:, 0] = False
-    assert foremost.sum() >= 10
-    # On an open road nobody ahead lets everyone accelerate; on the ring the last one is ahead.
-    open_road = engine.simulate(scenario)
-    last = runs.num_frames - 1
+    has_no_leader = np.isinf(gap[:, 0]) & scenario.vehicles.valid
+    is_held_foremost = has_no_leader & (scenario.drivers.desired_speed > scenario.start_speed + 5.0)
+    is_held_foremost[:, 0] = False
+    assert is_held_foremost.sum() >= 10
+    # On an open road the foremost vehicle accelerates freely; on the ring the rearmost is ahead.
+    open_runs = engine.simulate(scenario)
+    last_frame = runs.num_frames - 1
     rows = np.arange(20)
-    gained = [
-        run.states.speed[rows, :, last] - run.states.speed[:, :, 0] for run in (runs, open_road)
+    speed_gains = [
+        run.states.speed[rows, :, last_frame] - run.states.speed[:, :, 0]
+        for run in (runs, open_runs)
     ]
-    assert gained[0][foremost].mean() < gained[1][foremost].mean() - 300
+    assert speed_gains[0][is_held_foremost].mean() < speed_gains[1][is_held_foremost].mean() - 300
 
 
 def test_no_simulation_ends_early_and_no_ego_overtakes(world):
-    scenario, given = world
-    runs = engine.run(scenario, given)
+    scenario, parameters = world
+    runs = engine.run(scenario, parameters)
     assert (runs.num_frames == 81).all()
     assert (runs.stage[runs.frame_mask] != 1).all()
