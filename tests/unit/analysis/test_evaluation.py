@@ -1,4 +1,4 @@
-"""Evaluations of drivers: weights, intervals, conflicts and lane changes, against known answers."""
+"""Evaluations of drivers: weights, intervals, conflicts and lane changes with known results."""
 
 from __future__ import annotations
 
@@ -32,141 +32,170 @@ NIGHTS = [
 ]
 
 FEW_VEHICLES = {"traffic.vehicles": [2, 12], "traffic.sight_m": [5.0, 10.0]}
-"""Few vehicles are drawn faster; the ego sees a short distance, so that they are enough."""
+"""A small number saves time; the ego's short sight distance makes so few vehicles sufficient."""
 
 
 @pytest.fixture(scope="module")
-def drawn():
+def full_and_scene_batches():
+    """Motorway scenarios weighted with the ego, and the same scenes weighted without it."""
     spec = profiles.load_specification("motorway", {"proposal": NIGHTS, **FEW_VEHICLES})
     road, index = load_road(spec.road), np.arange(3000, dtype=np.uint64)
-    return [ScenarioSource(one, road, 5).sample(index) for one in (spec, scenes_of(spec))]
+    return [
+        ScenarioSource(specification, road, 5).sample(index)
+        for specification in (spec, scenes_of(spec))
+    ]
 
 
-def below(scenes) -> np.ndarray:
-    """Scenes from the part that is bent; an edge apart, as the sun is a function of its number."""
-    low = scenes.weight < 1.0
-    assert scenes.weather.sun_altitude[low].max() < scenes.weather.sun_altitude[~low].min()
-    return low
+def is_low_sun(scenes) -> np.ndarray:
+    """Whether a scene is from the half of sun altitudes that the proposal draws more often.
+
+    The sun is a monotonic function of its random number, so that an altitude separates the halves.
+    """
+    is_low = scenes.weight < 1.0
+    assert scenes.weather.sun_altitude[is_low].max() < scenes.weather.sun_altitude[~is_low].min()
+    return is_low
 
 
-def test_weights_are_those_of_the_scene_alone(drawn):
-    """Half are drawn from the lower half: r = 2 there and 0 elsewhere, w = 1 / (0.5 + 0.5 r)."""
-    _, scenes = drawn
-    low = below(scenes)
-    np.testing.assert_allclose(scenes.weight[low], 2.0 / 3.0, rtol=1e-5)
-    np.testing.assert_allclose(scenes.weight[~low], 2.0, rtol=1e-5)
+def test_the_weight_of_a_scene_is_the_inverse_ratio_of_its_draws(full_and_scene_batches):
+    """Share 0.5 comes from the lower half: r = 2 there, 0 elsewhere, w = 1 / (0.5 + 0.5 r)."""
+    _, scenes = full_and_scene_batches
+    is_low = is_low_sun(scenes)
+    np.testing.assert_allclose(scenes.weight[is_low], 2.0 / 3.0, rtol=1e-5)
+    np.testing.assert_allclose(scenes.weight[~is_low], 2.0, rtol=1e-5)
 
 
-def test_the_ego_is_integrated_out(drawn):
-    """The mean weight of all egos that a scene may have is the weight of the scene."""
-    full, scenes = drawn
+def test_the_mean_weight_over_egos_is_the_weight_of_the_scene(full_and_scene_batches):
+    """The proposal changes the ego at low sun only, so weights spread around 2 / 3 only there."""
+    full, scenes = full_and_scene_batches
     np.testing.assert_array_equal(full.weather.sun_altitude, scenes.weather.sun_altitude)
-    low = below(scenes)
-    np.testing.assert_allclose(full.weight[~low], 2.0, rtol=1e-5)  # Nothing was bent there.
-    weight = full.weight[low]
+    is_low = is_low_sun(scenes)
+    np.testing.assert_allclose(full.weight[~is_low], 2.0, rtol=1e-5)  # No draw changed there.
+    weight = full.weight[is_low]
     assert np.ptp(weight) > 0.5
-    error = weight.std() / np.sqrt(len(weight))
-    # Of what is drawn there a third is as met: weighting gives back the mean over the ego.
-    assert abs(weight.mean() - 2.0 / 3.0) < 4.0 * error
+    standard_error = weight.std() / np.sqrt(len(weight))
+    # A third of the draws at low sun are natural: weighting restores the mean over the ego.
+    assert abs(weight.mean() - 2.0 / 3.0) < 4.0 * standard_error
 
 
-def test_weighted_shares_are_those_that_brute_force_knows(drawn):
-    _, scenes = drawn
-    low = below(scenes)
-    assert low.mean() == pytest.approx(0.75, abs=0.04)
-    error = 0.5 / np.sqrt(len(low))
-    assert abs((scenes.weight * low).mean() - 0.5) < 4.0 * error
-    natural = profiles.load_specification("motorway", FEW_VEHICLES)
-    met = ScenarioSource(natural, load_road(natural.road), 6).sample(
+def test_weighted_shares_equal_shares_of_unweighted_sampling(full_and_scene_batches):
+    _, scenes = full_and_scene_batches
+    is_low = is_low_sun(scenes)
+    assert is_low.mean() == pytest.approx(0.75, abs=0.04)
+    standard_error = 0.5 / np.sqrt(len(is_low))
+    assert abs((scenes.weight * is_low).mean() - 0.5) < 4.0 * standard_error
+    natural_spec = profiles.load_specification("motorway", FEW_VEHICLES)
+    natural_batch = ScenarioSource(natural_spec, load_road(natural_spec.road), 6).sample(
         np.arange(3000, dtype=np.uint64)
     )
-    edge = scenes.weather.sun_altitude[low].max()
-    assert abs((met.weather.sun_altitude <= edge).mean() - 0.5) < 4.0 * error
-    for one in ("time_gap", "reaction_time", "gap_demand_factor"):
-        own, theirs = (getattr(each.drivers, one)[:, 0] for each in (scenes, met))
-        assert tuple(stats.ks_2samp(own, theirs))[1] > 1e-3
+    highest_low_sun = scenes.weather.sun_altitude[is_low].max()
+    assert (
+        abs((natural_batch.weather.sun_altitude <= highest_low_sun).mean() - 0.5)
+        < 4.0 * standard_error
+    )
+    for trait in ("time_gap", "reaction_time", "gap_demand_factor"):
+        weighted_values, natural_values = (
+            getattr(batch.drivers, trait)[:, 0] for batch in (scenes, natural_batch)
+        )
+        assert tuple(stats.ks_2samp(weighted_values, natural_values))[1] > 1e-3
 
 
-def test_a_component_that_bends_the_ego_only_changes_nothing():
+def test_a_proposal_that_changes_only_the_ego_leaves_all_scene_weights_at_one():
     ego = [{"name": "ego", "share": 0.4, "powers": {"ego_driving_style": 0.3}}]
     spec = profiles.load_specification("motorway", {"proposal": ego, **FEW_VEHICLES})
-    some = ScenarioSource(scenes_of(spec), load_road(spec.road), 1).sample(
+    scenes = ScenarioSource(scenes_of(spec), load_road(spec.road), 1).sample(
         np.arange(50, dtype=np.uint64)
     )
-    np.testing.assert_array_equal(some.weight, 1.0)
+    np.testing.assert_array_equal(scenes.weight, 1.0)
 
 
 @pytest.mark.ci
-def test_holm_is_that_of_statsmodels():
-    p = [0.001, 0.2, 0.012, float("nan"), 0.04, 0.013, 0.9]
-    known = [one for one in p if one == one]
-    expected = np.asarray(multipletests(known, method="holm")[1], np.float64)
-    found = [one for one in bootstrap.holm(p) if one == one]
-    np.testing.assert_allclose(found, expected)
+def test_holms_correction_equals_statsmodels():
+    p_values = [0.001, 0.2, 0.012, float("nan"), 0.04, 0.013, 0.9]
+    numbers = [value for value in p_values if value == value]
+    expected = np.asarray(multipletests(numbers, method="holm")[1], np.float64)
+    adjusted = [value for value in bootstrap.holm(p_values) if value == value]
+    np.testing.assert_allclose(adjusted, expected)
 
 
 @pytest.mark.parametrize("number", [0, 1, 7])
-def test_intervals_of_few_events_are_those_of_the_gamma_method(number):
+def test_intervals_of_few_weighted_events_follow_the_gamma_method(number):
     rng = np.random.default_rng(3)
     weight = rng.uniform(0.3, 2.0, 400)
-    happened = np.zeros(400)
-    happened[:number] = 1.0
-    parts = weight * happened / weight.sum()
-    rate, variance, most = parts.sum(), (parts**2).sum(), weight.max() / weight.sum()
-    more, spread = rate + most, variance + most**2
-    high = stats.gamma.ppf(0.975, more**2 / spread, scale=spread / more)
+    num_events = np.zeros(400)
+    num_events[:number] = 1.0
+    parts = weight * num_events / weight.sum()
+    rate, variance, largest_part = parts.sum(), (parts**2).sum(), weight.max() / weight.sum()
+    upper_rate, upper_variance = rate + largest_part, variance + largest_part**2
+    high = stats.gamma.ppf(0.975, upper_rate**2 / upper_variance, scale=upper_variance / upper_rate)
     low = stats.gamma.ppf(0.025, rate**2 / variance, scale=variance / rate) if number else 0.0
-    assert bootstrap.rare_interval(weight, happened) == pytest.approx((low, high), rel=1e-6)
+    assert bootstrap.rare_interval(weight, num_events) == pytest.approx((low, high), rel=1e-6)
 
 
-def test_paired_intervals_are_narrower_and_cover():
+def test_intervals_of_paired_differences_equal_the_standard_error():
     rng = np.random.default_rng(1)
-    scene = rng.normal(10.0, 3.0, 500)
+    scene_values = rng.normal(10.0, 3.0, 500)
     columns = {
-        name: {"part": scene + rng.normal(more, 0.5, 500), "whole": np.ones(500)}
-        for name, more in (("a", 0.07), ("b", 0.0))
+        name: {"part": scene_values + rng.normal(mean_difference, 0.5, 500), "whole": np.ones(500)}
+        for name, mean_difference in (("a", 0.07), ("b", 0.0))
     }
-    drawn = bootstrap.Resampled(np.ones(500), columns)
-    (a, many), (b, others) = (drawn.ratio(one, "part", "whole") for one in "ab")
-    low, high = bootstrap.interval(many - others)
-    difference = columns["a"]["part"] - columns["b"]["part"]
-    error = difference.std(ddof=1) / np.sqrt(500)
-    assert a - b == pytest.approx(difference.mean())
-    assert high - low == pytest.approx(2.0 * 1.96 * error, rel=0.1)
-    expected = 2.0 * stats.norm.sf(abs(a - b) / error)
-    assert expected > 1e-6
-    assert bootstrap.two_sided(a - b, many - others) == pytest.approx(expected, rel=0.4)
-
-
-def test_the_effective_number_is_that_of_kish():
-    effective, largest = bootstrap.concentration(np.array([3.0, 1.0, 0.0]))
-    assert (effective, largest) == (pytest.approx(1.6), 0.75)
-
-
-def test_the_follower_that_brakes_so_keeps_what_is_asked():
-    own, behind, gap = 25.0, 33.0, 48.0
-    braking = float(needed_braking(np.array([gap]), np.array([own]), np.array([behind]))[0])
-    time, step, speed = 0.0, 1e-4, behind
-    while speed > own:
-        gap -= (speed - own) * step
-        speed -= braking * step if time > 0.4 else 0.0
-        time += step
-    assert gap == pytest.approx(1.0 * own, abs=0.01)
-    none = needed_braking(
-        np.array([np.inf, 5.0, 5.0]), np.full(3, own), np.array([40.0, 20.0, 30.0])
+    resampled = bootstrap.Resampled(np.ones(500), columns)
+    (ratio_a, repeats_a), (ratio_b, repeats_b) = (
+        resampled.ratio(driver, "part", "whole") for driver in "ab"
     )
-    np.testing.assert_array_equal(none, [0.0, 0.0, np.inf])
+    low, high = bootstrap.interval(repeats_a - repeats_b)
+    difference = columns["a"]["part"] - columns["b"]["part"]
+    standard_error = difference.std(ddof=1) / np.sqrt(500)
+    assert ratio_a - ratio_b == pytest.approx(difference.mean())
+    assert high - low == pytest.approx(2.0 * 1.96 * standard_error, rel=0.1)
+    expected_p = 2.0 * stats.norm.sf(abs(ratio_a - ratio_b) / standard_error)
+    assert expected_p > 1e-6
+    assert bootstrap.two_sided(ratio_a - ratio_b, repeats_a - repeats_b) == pytest.approx(
+        expected_p, rel=0.4
+    )
 
 
-def world(gap: float, *, speed: float = 30.0, other: float = 10.0, frames: int = 40):
-    """Two vehicles of 4 m in a lane, at constant speeds, 20 frames a second."""
+def test_the_effective_number_of_scenes_follows_kish():
+    effective, largest_share = bootstrap.concentration(np.array([3.0, 1.0, 0.0]))
+    # (3 + 1)^2 / (9 + 1) = 1.6; 3 / 4 = 0.75.
+    assert (effective, largest_share) == (pytest.approx(1.6), 0.75)
+
+
+def test_a_follower_with_the_needed_braking_ends_with_a_time_gap_of_one_second():
+    ego_speed, follower_speed, gap = 25.0, 33.0, 48.0
+    deceleration = float(
+        needed_braking(np.array([gap]), np.array([ego_speed]), np.array([follower_speed]))[0]
+    )
+    # The follower reacts after 0.4 s (UN R79, 5.6.4.7).
+    time, step, speed = 0.0, 1e-4, follower_speed
+    while speed > ego_speed:
+        gap -= (speed - ego_speed) * step
+        speed -= deceleration * step if time > 0.4 else 0.0
+        time += step
+    assert gap == pytest.approx(1.0 * ego_speed, abs=0.01)
+    decelerations = needed_braking(
+        np.array([np.inf, 5.0, 5.0]), np.full(3, ego_speed), np.array([40.0, 20.0, 30.0])
+    )
+    np.testing.assert_array_equal(decelerations, [0.0, 0.0, np.inf])
+
+
+def two_vehicle_run(
+    gap: float, *, speed: float = 30.0, partner_speed: float = 10.0, frames: int = 40
+):
+    """The ego and a partner, both 4 m long, in one lane at constant speeds, 20 frames a second.
+
+    Args:
+        gap: Distance between the ego's front and the partner's rear at time 0 [m].
+        speed: Speed of the ego [m/s].
+        partner_speed: Speed of the partner [m/s].
+        frames: Number of frames.
+    """
     time = 0.05 * np.arange(frames)
-    s = np.stack([speed * time, gap + 4.0 + other * time])
+    s = np.stack([speed * time, gap + 4.0 + partner_speed * time])
     shape = (1, 2, frames)
     states = SimpleNamespace(
         s=np.rint(1e3 * s).astype(np.int32)[None],
         d=np.zeros(shape, np.int32),
-        speed=np.rint(1e3 * np.array([speed, other]))[None, :, None].repeat(frames, 2),
+        speed=np.rint(1e3 * np.array([speed, partner_speed]))[None, :, None].repeat(frames, 2),
         accel_lon=np.zeros(shape, np.int16),
         lane=np.ones(shape, np.uint8),
         lights=np.zeros(shape, np.uint8),
@@ -181,81 +210,87 @@ def world(gap: float, *, speed: float = 30.0, other: float = 10.0, frames: int =
     return SimpleNamespace(states=states, scenario=scenario, road=road)
 
 
-def test_the_competent_driver_needs_the_room_that_its_formula_says():
-    """Two speeds apart by 20 m/s: 1.15 s, then a ramp of 0.6 s to 0.774 g, until they are equal."""
-    apart, braking, jerk = 20.0, 7.593, 12.65
-    ramp = braking / jerk
-    room = apart * (1.15 + ramp) - jerk * ramp**3 / 6.0
-    room += (apart - 0.5 * braking * ramp) ** 2 / (2.0 * braking)
-    for more, expected in ((0.3, True), (-0.3, False)):
-        found = competent.prevents(
-            world(room + more), 0, 1, 0, 20, friction=1.0, waits_for_risk=False
+def test_a_competent_driver_avoids_contact_if_the_gap_exceeds_its_stopping_formula():
+    """UN R157: evaluation 0.4 s, delay 0.75 s, a ramp of 0.6 s to 0.774 g, then full braking."""
+    speed_difference, deceleration, jerk = 20.0, 7.593, 12.65
+    ramp = deceleration / jerk
+    needed_gap = speed_difference * (1.15 + ramp) - jerk * ramp**3 / 6.0
+    needed_gap += (speed_difference - 0.5 * deceleration * ramp) ** 2 / (2.0 * deceleration)
+    for extra_gap, expected in ((0.3, True), (-0.3, False)):
+        is_prevented = competent.prevents(
+            two_vehicle_run(needed_gap + extra_gap), 0, 1, 0, 20, friction=1.0, waits_for_risk=False
         )
-        assert found is expected
+        assert is_prevented is expected
     assert not competent.prevents(
-        world(room + 0.3), 0, 1, 0, 20, friction=0.4, waits_for_risk=False
+        two_vehicle_run(needed_gap + 0.3), 0, 1, 0, 20, friction=0.4, waits_for_risk=False
     )
 
 
-def test_it_waits_for_two_seconds_in_a_cut_in():
-    """At 60 m and 20 m/s it is a risk after 1 s, which is later than the evaluation."""
-    patient, alert = (
-        competent.prevents(world(60.0), 0, 1, 0, 20, friction=1.0, waits_for_risk=waits)
-        for waits in (True, False)
+def test_a_competent_driver_reacts_to_a_cut_in_only_below_2_s_to_collision():
+    """At 60 m and 20 m/s the time to collision falls below 2 s after 1 s, too late for braking."""
+    prevented_by_waiting, prevented_at_once = (
+        competent.prevents(
+            two_vehicle_run(60.0), 0, 1, 0, 20, friction=1.0, waits_for_risk=waits_for_risk
+        )
+        for waits_for_risk in (True, False)
     )
-    assert (patient, alert) == (False, True)
+    assert (prevented_by_waiting, prevented_at_once) == (False, True)
 
 
-def origin(runs, frame: int = 39):
+def origin_of(runs, frame: int = 39):
     batch = SimpleNamespace(runs=runs, interval_s=0.05)
     return _Scene(batch, 0, frame, 1).origin()
 
 
-def test_who_began_a_conflict():
-    assert origin(world(40.0))[0] is Origin.OWN_APPROACH
-    assert origin(world(-20.0))[0] is Origin.FROM_BEHIND
+def test_the_origin_of_a_conflict_is_an_approach_a_lane_change_a_cut_in_or_braking():
+    assert origin_of(two_vehicle_run(40.0))[0] is Origin.OWN_APPROACH
+    assert origin_of(two_vehicle_run(-20.0))[0] is Origin.FROM_BEHIND
 
-    own = world(40.0)
-    own.states.lane[0, 0, :20] = 0
-    assert origin(own)[0] is Origin.OWN_CHANGE
+    ego_change = two_vehicle_run(40.0)
+    ego_change.states.lane[0, 0, :20] = 0
+    assert origin_of(ego_change)[0] is Origin.OWN_CHANGE
 
-    enters = world(40.0)
-    enters.states.lane[0, 1, :20] = 0
-    enters.states.d[0, 1] = np.rint(np.interp(np.arange(40), [0, 5, 35], [-3500, -3500, 0]))
-    found, perceived = origin(enters)
-    assert found is Origin.CUT_IN
-    assert enters.states.d[0, 1, perceived] > -3500 + 375 >= enters.states.d[0, 1, perceived - 1]
+    cut_in = two_vehicle_run(40.0)
+    cut_in.states.lane[0, 1, :20] = 0
+    cut_in.states.d[0, 1] = np.rint(np.interp(np.arange(40), [0, 5, 35], [-3500, -3500, 0]))
+    origin, perceived = origin_of(cut_in)
+    assert origin is Origin.CUT_IN
+    # UN R157: other drivers perceive a cut-in from 0.375 m beside the centre of the lane.
+    assert cut_in.states.d[0, 1, perceived] > -3500 + 375 >= cut_in.states.d[0, 1, perceived - 1]
 
-    brakes = world(40.0)
-    brakes.states.accel_lon[0, 1, 25:] = -3000
-    brakes.states.lights[0, 1, 22:] = Lights.BRAKE
-    assert origin(brakes) == (Origin.BRAKING, 22)
+    partner_braking = two_vehicle_run(40.0)
+    partner_braking.states.accel_lon[0, 1, 25:] = -3000
+    partner_braking.states.lights[0, 1, 22:] = Lights.BRAKE
+    assert origin_of(partner_braking) == (Origin.BRAKING, 22)
 
 
-def test_time_gained_is_the_way_ahead_over_the_speed_of_who_stays(monkeypatch):
+def test_time_gained_is_the_lead_in_distance_over_the_speed_of_the_slower_driver(monkeypatch):
     monkeypatch.setattr(measures, "_last_sound", lambda _: np.array([39]))
-    fast, slow = world(90.0, speed=30.0), world(90.0, speed=20.0)
-    assert measures.gained(fast, slow)[0] == pytest.approx(0.5 * 39 * 0.05, rel=1e-3)
+    fast_run, slow_run = two_vehicle_run(90.0, speed=30.0), two_vehicle_run(90.0, speed=20.0)
+    # 10 m/s for 39 frames of 0.05 s is the lead; the slow ego needs 1 / 20 s per metre.
+    assert measures.gained(fast_run, slow_run)[0] == pytest.approx(0.5 * 39 * 0.05, rel=1e-3)
 
 
-def test_benchmarks_are_of_this_version_and_refuse_another(tmp_path):
+def test_a_benchmark_of_another_profile_model_or_endpoint_is_refused(tmp_path):
     for name in names():
         assert read(name).parts
-    text = Path(profiles.__file__).with_name("profiles").joinpath("motorway.toml")
-    assert hash_of(profiles.load_specification(text)) == hash_of(
+    profile_path = Path(profiles.__file__).with_name("profiles").joinpath("motorway.toml")
+    assert hash_of(profiles.load_specification(profile_path)) == hash_of(
         profiles.load_specification("motorway")
     )
-    kept = Path(bootstrap.__file__).with_name("benchmarks").joinpath("overtake.toml").read_text()
-    for old, new, said in (
+    benchmark_text = (
+        Path(bootstrap.__file__).with_name("benchmarks").joinpath("overtake.toml").read_text()
+    )
+    for old, new, message in (
         ('sha256 = "', 'sha256 = "0', "the profile"),
         ('model_version = "2"', 'model_version = "1"', "model"),
         ('"gained"', '"won"', "endpoints"),
         ("version = 1", "", "a benchmark"),
     ):
-        assert old in kept
+        assert old in benchmark_text
         changed = tmp_path / "changed.toml"
-        changed.write_text(kept.replace(old, new, 1))
-        with pytest.raises(ConfigError, match=said):
+        changed.write_text(benchmark_text.replace(old, new, 1))
+        with pytest.raises(ConfigError, match=message):
             read(changed)
     with pytest.raises(ConfigError, match="overtake"):
         read("overtakes")
