@@ -1,4 +1,4 @@
-"""Associations in words that claim no more than the numbers."""
+"""Tables of associations between features, and their words for p-values and sizes."""
 
 from __future__ import annotations
 
@@ -18,19 +18,21 @@ from overtaking.analysis.stats.sample import prepare
 
 
 @pytest.fixture(scope="module")
-def found() -> Associations:
+def feature_associations() -> Associations:
     return associations(prepare(synthetic_features(), policy="paper"))
 
 
-def test_every_feature_is_beside_the_class_once(found: Associations):
-    rows = class_associations(found).rows
+def test_every_feature_has_one_association_with_the_class(feature_associations: Associations):
+    rows = class_associations(feature_associations).rows
     assert len(rows) == 15
     assert rows["feature"].is_unique
     assert rows["association"].abs().is_monotonic_decreasing
 
 
-def test_the_strongest_pair_is_that_of_the_presets(found: Associations):
-    rows = strongest_pairs(found).rows
+def test_rain_and_wind_are_the_strongest_pair_because_of_the_presets(
+    feature_associations: Associations,
+):
+    rows = strongest_pairs(feature_associations).rows
     assert rows.loc[0, "features"] == "PREC, WIND"
     assert rows.loc[0, "association"] == pytest.approx(1.0)
     assert not rows["features"].str.contains("CLASS").any()
@@ -45,7 +47,9 @@ def test_the_strongest_pair_is_that_of_the_presets(found: Associations):
         (math.nan, math.nan, "cannot be tested"),
     ],
 )
-def test_a_p_value_is_read_with_care(p_value: float, q_value: float, text: str):
+def test_a_p_value_is_put_into_words_with_its_corrected_value(
+    p_value: float, q_value: float, text: str
+):
     assert reading(p_value, q_value) == text
 
 
@@ -53,8 +57,10 @@ def test_a_p_value_is_read_with_care(p_value: float, q_value: float, text: str):
     ("first", "second", "size"),
     [("PREC", "WIND", "large"), ("NV", "OLR", "negligible"), ("SE", "CLASS", "large")],
 )
-def test_an_effect_has_the_conventional_word(
-    found: Associations, first: str, second: str, size: str
+def test_an_association_has_the_conventional_word_for_its_size(
+    feature_associations: Associations, first: str, second: str, size: str
 ):
-    pair = next(one for one in found.pairs if (one.first, one.second) == (first, second))
+    pair = next(
+        pair for pair in feature_associations.pairs if (pair.first, pair.second) == (first, second)
+    )
     assert pair.size == size

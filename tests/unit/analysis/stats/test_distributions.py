@@ -1,4 +1,4 @@
-"""Bins, boxes and samples: what figures draw."""
+"""Bins, boxes and samples for figures."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def sample() -> Sample:
 
 
 @given(NUMBERS)
-def test_bins_hold_every_value_and_are_not_too_many(values: list[float]):
+def test_bins_contain_every_value_and_their_number_is_bounded(values: list[float]):
     edges = nice_edges(np.array(values))
     assert edges[0] <= min(values)
     assert edges[-1] >= max(values)
@@ -41,43 +41,45 @@ def test_bins_hold_every_value_and_are_not_too_many(values: list[float]):
     assert np.histogram(values, edges)[0].sum() == len(values)
 
 
-@pytest.mark.parametrize("name", [one.name for one in FEATURES])
+@pytest.mark.parametrize("name", [feature.name for feature in FEATURES])
 def test_a_histogram_counts_every_simulation_once(sample: Sample, name: str):
-    drawn = histogram(sample, name)
-    assert drawn.counts.sum() + drawn.num_missing == len(sample)
+    result = histogram(sample, name)
+    assert result.counts.sum() + result.num_missing == len(sample)
     by_class = sample.frame.groupby("CLASS", observed=False)[name].count()
-    assert drawn.counts.sum(axis=1).tolist() == [by_class[one] for one in sample.classes]
+    assert result.counts.sum(axis=1).tolist() == [
+        by_class[class_name] for class_name in sample.classes
+    ]
 
 
-def test_a_box_is_matplotlibs(sample: Sample):
+def test_a_box_equals_matplotlib(sample: Sample):
     from matplotlib.cbook import boxplot_stats
 
     values = sample.values("D")
     expected = boxplot_stats(values[~np.isnan(values)])[0]
-    found = box(values)
-    assert found.quartiles == pytest.approx((expected["q1"], expected["med"], expected["q3"]))
-    assert found.whiskers == pytest.approx((expected["whislo"], expected["whishi"]))
-    assert found.outliers.tolist() == sorted(set(expected["fliers"].tolist()))
-    assert len(found.outliers) > 0
+    result = box(values)
+    assert result.quartiles == pytest.approx((expected["q1"], expected["med"], expected["q3"]))
+    assert result.whiskers == pytest.approx((expected["whislo"], expected["whishi"]))
+    assert result.outliers.tolist() == sorted(set(expected["fliers"].tolist()))
+    assert len(result.outliers) > 0
 
 
-def test_a_weight_of_two_is_two_simulations():
+def test_a_simulation_of_weight_two_has_the_same_median_as_two_simulations():
     values = np.array([1.0, 2.0, 3.0, 10.0])
     weighted = box(values, np.array([1.0, 2.0, 1.0, 1.0]))
     repeated = box(np.array([1.0, 2.0, 2.0, 3.0, 10.0]))
     assert weighted.quartiles[1] == repeated.quartiles[1] == 2.0
 
 
-def test_scaling_is_that_of_scikit_learn(sample: Sample):
+def test_scaling_equals_the_min_max_scaler_of_scikit_learn(sample: Sample):
     from sklearn.preprocessing import MinMaxScaler
 
-    names = [one.name for one in NUMERIC]
+    names = [feature.name for feature in NUMERIC]
     expected = MinMaxScaler().fit_transform(sample.frame[names])
-    found = np.column_stack([min_max(sample.values(name)) for name in names])
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+    scaled = np.column_stack([min_max(sample.values(name)) for name in names])
+    np.testing.assert_allclose(scaled, expected, rtol=0, atol=1e-12)
 
 
-def test_what_is_constant_or_missing_has_a_box_all_the_same():
+def test_constant_and_missing_features_have_boxes_too():
     frame = synthetic_features(20).assign(FOG=2.0, SP=np.nan)
     boxes = scaled_boxes(prepare(frame, policy="paper"))
     assert boxes["FOG"].quartiles == (0.0, 0.0, 0.0)
@@ -85,15 +87,15 @@ def test_what_is_constant_or_missing_has_a_box_all_the_same():
 
 
 @given(st.integers(0, 500), st.integers(1, 100))
-def test_every_kth_takes_each_member_at_most_once(number: int, most: int):
-    members = np.arange(number) % 3 != 1
-    chosen = every_kth(members, most)
-    assert len(chosen) == min(most, int(members.sum()))
-    assert members[chosen].all()
-    assert len(set(chosen.tolist())) == len(chosen)
+def test_every_kth_selects_a_member_at_most_once(count: int, max_selected: int):
+    members = np.arange(count) % 3 != 1
+    selected = every_kth(members, max_selected)
+    assert len(selected) == min(max_selected, int(members.sum()))
+    assert members[selected].all()
+    assert len(set(selected.tolist())) == len(selected)
 
 
-def test_a_large_set_is_sampled_and_says_so():
+def test_points_of_5000_simulations_are_a_marked_sample():
     sample = prepare(synthetic_features(5000), policy="paper")
     swarm, pairs = swarm_points(sample, "SE"), pair_points(sample)
     assert swarm["Success_I"].is_sampled
@@ -105,28 +107,28 @@ def test_a_large_set_is_sampled_and_says_so():
     assert counts["Success_L"] >= 60
 
 
-def test_a_small_set_is_drawn_whole(sample: Sample):
+def test_points_of_a_small_data_set_are_complete(sample: Sample):
     assert not pair_points(sample).is_sampled
     swarm = swarm_points(sample, "SE")
     assert not any(points.is_sampled for points in swarm.values())
     assert sum(len(points.simulations) for points in swarm.values()) == len(sample)
 
 
-def test_the_typical_simulation_is_in_the_middle_of_its_class():
+def test_the_typical_simulation_of_a_class_has_its_median_values():
     frame = synthetic_features(300)
-    names = [one.name for one in NUMERIC]
+    names = [feature.name for feature in NUMERIC]
     legal = frame.index[frame["CLASS"] == "Success_L"]
     frame.loc[legal[4], names] = frame.loc[legal, names].median()
     assert typical(prepare(frame, policy="paper"))["Success_L"] == legal[4]
 
 
-def test_a_class_without_simulations_has_no_typical_one(sample: Sample):
+def test_a_class_without_simulations_has_no_typical_simulation(sample: Sample):
     frame = synthetic_features()
     typical_simulations = typical(prepare(frame[frame["CLASS"] != "No_attempt"], policy="paper"))
     assert "No_attempt" not in typical_simulations
     assert len(typical_simulations) == 4
 
 
-def test_missing_values_do_not_hide_a_class():
+def test_a_class_with_missing_values_has_a_typical_simulation():
     frame = synthetic_features(40).assign(SP=np.nan, DSEP=np.nan, D=np.nan)
     assert set(typical(prepare(frame, policy="paper"))) == set(pd.unique(frame["CLASS"]))

@@ -30,7 +30,7 @@ def result() -> Statistics:
     return statistics(synthetic_features(), policy="paper")
 
 
-def test_json_holds_every_number_and_is_strict(result: Statistics):
+def test_json_is_strict_and_contains_exact_numbers(result: Statistics):
     values = json.loads(json.dumps(result.values(), allow_nan=False))
     assert values["simulations"] == 276
     assert values["policy"] == "paper"
@@ -44,7 +44,7 @@ def test_json_holds_every_number_and_is_strict(result: Statistics):
     )
 
 
-def test_json_says_null_where_there_is_no_number():
+def test_json_has_null_for_a_missing_number():
     values = statistics(synthetic_features(1), policy="paper").values()
     text = json.dumps(values, allow_nan=False)
     sigma = [row for row in values["dynamic_features"] if row["statistic"] == "σ"]
@@ -69,16 +69,18 @@ def test_csv_is_one_tidy_table_with_exact_values(result: Statistics):
         "dynamic-features",
         "waiting-time",
     ]
-    one = rows.query("feature == 'SE' and statistic == 'σ' and `class` == 'All'")["value"]
-    assert float(one.item()) == result.sample.frame["SE"].std()
+    standard_deviation = rows.query("feature == 'SE' and statistic == 'σ' and `class` == 'All'")[
+        "value"
+    ]
+    assert float(standard_deviation.item()) == result.sample.frame["SE"].std()
 
 
-def test_a_table_as_csv_reads_back(result: Statistics):
-    back = pd.read_csv(io.StringIO(table_to_csv(result.classes)))
-    pd.testing.assert_frame_equal(back, result.classes.rows)
+def test_a_table_written_as_csv_can_be_read_unchanged(result: Statistics):
+    read_back = pd.read_csv(io.StringIO(table_to_csv(result.classes)))
+    pd.testing.assert_frame_equal(read_back, result.classes.rows)
 
 
-def test_latex_escapes_what_would_be_a_command(result: Statistics):
+def test_latex_escapes_special_characters(result: Statistics):
     text = to_latex(result)
     assert r"No\_attempt" in text
     assert r"$\sigma$" in text
@@ -95,7 +97,7 @@ def test_every_latex_row_has_as_many_cells_as_columns(result: Statistics):
         assert {line.replace(r"\&", "").count("&") for line in rows} == {len(table.header) - 1}
 
 
-def test_text_is_aligned_and_says_what_to_know(result: Statistics):
+def test_text_has_aligned_columns_and_warnings(result: Statistics):
     text = page_text(page_parts(result))
     lines = text[text.index("Statistics of dynamic") :].splitlines()
     header = lines[2]
@@ -119,5 +121,5 @@ def test_text_is_aligned_and_says_what_to_know(result: Statistics):
         (0.0494, Style.P_VALUE, "0.049"),
     ],
 )
-def test_a_value_is_written_as_its_kind(value: float, style: Style, written: str):
+def test_a_value_is_written_in_its_style(value: float, style: Style, written: str):
     assert write(value, style) == written

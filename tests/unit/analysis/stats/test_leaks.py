@@ -1,4 +1,4 @@
-"""Warnings about classes that a stratum cannot hold."""
+"""Warnings about classes that are absent from a stratum against expectation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_no_legal_overtake_at_night_is_a_warning():
     assert "No Success_L among the" in leak.sentence
 
 
-def test_the_papers_counts_would_be_reported():
+def test_the_counts_of_the_paper_give_a_warning():
     """29 legal overtakes, all by day, of 94 days and 182 nights (what its weather implies)."""
     frame = synthetic_features(276)
     frame["CLASS"] = ["Success_L"] * 29 + ["Success_I"] * 247
@@ -40,27 +40,27 @@ def test_the_papers_counts_would_be_reported():
     assert "below one in a million" in night_leaks[0].sentence
 
 
-def test_a_class_that_chance_may_leave_out_is_no_warning():
+def test_a_class_absent_from_a_stratum_by_plausible_chance_gives_no_warning():
     frame = synthetic_features(60)
     frame["CLASS"] = ["Success_L"] * 2 + ["Success_I"] * 58
     frame["DN"] = ["Day"] * 30 + ["Night"] * 30
     assert not [leak for leak in leaks(prepare(frame, policy="paper")) if leak.feature == "DN"]
 
 
-def test_a_class_that_occurs_everywhere_is_no_warning():
+def test_a_class_that_occurs_in_every_stratum_gives_no_warning():
     frame = synthetic_features(500)
     frame["DN"] = np.where(np.arange(500) % 2 == 0, "Day", "Night")
     assert not [leak for leak in leaks(prepare(frame, policy="paper")) if leak.feature == "DN"]
 
 
-def test_what_is_censored_does_not_count():
+def test_censored_simulations_give_no_warning():
     frame = synthetic_features(276)
     frame["CLASS"] = ["Success_L"] * 29 + ["censored"] * 247
     frame["DN"] = ["Day"] * 94 + ["Night"] * 182
     assert leaks(prepare(frame, policy="paper")) == ()
 
 
-def test_weather_that_takes_few_values_is_a_stratum():
+def test_a_weather_value_of_a_few_possible_ones_is_a_stratum():
     levels = {
         (leak.feature, leak.level) for leak in leaks(prepare(synthetic_features(), policy="paper"))
     }
