@@ -1,4 +1,4 @@
-"""Tolerances and two laws, on overtakes whose verdicts are counted by hand."""
+"""Tolerance curves and comparisons of two laws equal counts of verdicts by hand."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_without_tolerance_the_curve_counts_the_classes_of_the_policy(trajectori
         assert counts == sorted(counts)
 
 
-def test_a_relaxed_distance_is_a_margin_counted_by_hand(trajectories):
+def test_a_distance_tolerance_forgives_breaches_with_a_smaller_negative_margin(trajectories):
     policy = POLICIES["paper"]
     labelled, curve = portuguese_curve(trajectories, policy)
     is_completed = labelled.labels.outcome == Outcome.COMPLETED
@@ -72,12 +72,12 @@ def test_a_relaxed_distance_is_a_margin_counted_by_hand(trajectories):
         assert curve.legal_by_tolerance["distance"][k] == (~is_broken).sum()
 
 
-def test_speeds_are_relaxed_by_kilometres_per_hour():
+def test_speed_tolerances_are_in_kilometres_per_hour():
     scale = TOLERANCE_SCALES["speed"]
     assert scale.values_si == pytest.approx([value / 3.6 for value in scale.values])
 
 
-def test_a_rule_that_is_broken_alone_is_the_only_broken_one(trajectories):
+def test_overtakes_with_one_broken_rule_are_counted_under_that_rule(trajectories):
     labelled, curve = portuguese_curve(trajectories, POLICIES["paper"])
     is_completed = labelled.labels.outcome == Outcome.COMPLETED
     num_broken = labelled.labels.num_broken[is_completed, 0]
@@ -85,7 +85,7 @@ def test_a_rule_that_is_broken_alone_is_the_only_broken_one(trajectories):
     assert sum(curve.broken.values()) == num_broken.sum()
 
 
-def test_batches_add_up(trajectories):
+def test_the_curve_of_two_batches_equals_the_curve_of_all_simulations(trajectories):
     policy = POLICIES["paper"]
     parts = [
         trajectories.select(np.arange(60)),
@@ -115,7 +115,7 @@ def test_two_laws_disagree_where_their_classes_differ(trajectories):
         assert sum(law["conduct"].values()) == sum(law["classes"].values()) == NUM_SIMULATIONS
 
 
-def test_the_commands_write_nothing_and_draw_a_figure(tmp_path, capsys):
+def test_law_curve_draws_a_figure_and_leaves_the_data_set_unchanged(tmp_path, capsys):
     data = ot.generate_dataset("motorway", num_simulations=40, seed=1, out=tmp_path / "data")
     content_hash, picture = data.content_hash, tmp_path / "law.png"
     line = ["law", "curve", str(data.path), "--law", "de", "--plot", str(picture), "--json"]
@@ -129,7 +129,7 @@ def test_the_commands_write_nothing_and_draw_a_figure(tmp_path, capsys):
     assert ot.load_dataset(data.path).content_hash == content_hash
 
 
-def test_verdicts_of_another_law_are_written_beside_the_data_set(tmp_path, capsys):
+def test_verdicts_under_german_law_go_to_a_separate_file(tmp_path, capsys):
     data, out = (
         ot.generate_dataset("motorway", num_simulations=30, seed=1, out=tmp_path / "data"),
         tmp_path / "de.parquet",
@@ -148,7 +148,7 @@ def test_verdicts_of_another_law_are_written_beside_the_data_set(tmp_path, capsy
     assert [path.name for path in tmp_path.glob("*.parquet")] == ["de.parquet"]
 
 
-def test_a_policy_that_a_law_lacks_is_refused(tmp_path):
+def test_a_policy_that_the_law_does_not_define_is_refused(tmp_path):
     data = ot.generate_dataset("motorway", num_simulations=2, seed=1, out=tmp_path / "data")
     with pytest.raises(ConfigError, match="expected paper or default or strict"):
         ot.law.tolerance_curve(data.path, policy="lenient")

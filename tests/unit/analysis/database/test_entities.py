@@ -39,7 +39,7 @@ def test_the_diagram_contains_the_relations_of_the_paper():
 
 
 def test_columns_of_equal_name_and_different_meaning_are_no_relation():
-    # Both tables have a column `policy`: in `labels` it names rules, in `features` ways of measuring.
+    # Column `policy` of both tables: it names rules in `labels`, ways of measuring in `features`.
     assert ("labels", "features") not in RELATIONS
 
 

@@ -1,4 +1,4 @@
-"""Facts are recorded integers, or measurements that compare with thresholds as before rounding."""
+"""Facts are recorded integers, or rounded measurements on the same side of every threshold."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def over_and_back():
     )
 
 
-def test_positions_speeds_and_lanes_are_those_of_the_recording():
+def test_positions_speeds_lanes_and_indicators_equal_the_recording():
     overtake = over_and_back()
     facts = solve(facts_text(overtake, frame_step=1))
     states = overtake.trajectories.states
@@ -75,7 +75,7 @@ def test_positions_speeds_and_lanes_are_those_of_the_recording():
 
 @pytest.mark.ci
 @pytest.mark.parametrize("name", ["overtakes", "passes", "pulls_out", "returns", "collides"])
-def test_conclusions_have_the_same_frames_however_few_are_written(name: str):
+def test_conclusions_have_the_same_frames_with_few_and_with_all_frames_as_facts(name: str):
     overtake = over_and_back()
     few_frames, all_frames = (
         solve(facts_text(overtake, frame_step=step) + THEORY_TEXT) for step in (1000, 1)
@@ -86,7 +86,7 @@ def test_conclusions_have_the_same_frames_however_few_are_written(name: str):
 
 
 @given(METRES, METRES)
-def test_a_limit_compares_with_its_value_as_before(limit: float, value: float):
+def test_a_rounded_limit_is_on_the_same_side_of_its_rounded_value(limit: float, value: float):
     limits, values = np.array([limit], np.float32), np.array([value], np.float32)
     limit_mm, value_mm = (
         int(round_limits_in_order(limits, values)[0]),
@@ -98,7 +98,9 @@ def test_a_limit_compares_with_its_value_as_before(limit: float, value: float):
 
 
 @given(METRES, st.integers(-(10**6), 10**6))
-def test_rounding_keeps_the_side_of_every_whole_threshold(metres: float, threshold: int):
+def test_a_rounded_measurement_is_on_the_same_side_of_every_integer_threshold(
+    metres: float, threshold: int
+):
     value = np.array([metres], np.float32)
     exact = float(value[0]) * 1000.0
     assert (rounded_down_thousandths(value)[0] >= threshold) == (exact >= threshold)
@@ -121,7 +123,7 @@ def test_only_requested_facts_are_measured():
     assert len(facts["spacing"][0]) < len(measure_simulation_facts(group, ALL_FACTS)["spacing"][0])
 
 
-def test_every_predicate_is_declared_above_the_facts_and_no_measurement_of_the_law_is_a_verdict():
+def test_the_header_of_facts_declares_every_predicate_and_no_verdict():
     for language in ("asp", "prolog"):
         text = file_header("Title", all_facts(with_law=True), language)
         for fact in FACTS.values():

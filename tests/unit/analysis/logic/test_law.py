@@ -92,7 +92,7 @@ def facts_and_judgement(law: str, fixture: int) -> tuple[str, Judgement]:
 
 
 @pytest.mark.parametrize(("law", "fixture"), ALL_FIXTURES)
-def test_both_judge_every_fixture_alike(law: str, fixture: int):
+def test_program_and_python_give_equal_verdicts_for_every_fixture(law: str, fixture: int):
     facts, expected = facts_and_judgement(law, fixture)
     judgement = judgement_of_program(facts, law)
     assert judgement.verdicts == expected.verdicts
@@ -213,7 +213,9 @@ def test_a_changed_condition_changes_a_verdict(law: str, code: str, old: str, ne
         ("de", "motorway", 30),
     ],
 )
-def test_both_judge_simulations_alike(law: str, profile: str, num_simulations: int):
+def test_program_and_python_give_equal_verdicts_for_simulations(
+    law: str, profile: str, num_simulations: int
+):
     scenarios = sample(profile, num_simulations=num_simulations, seed=23)
     case = case_from_trajectories(simulate(scenarios))
     with law_reasoner(law) as reasoner:
@@ -233,7 +235,7 @@ def test_the_law_reads_measurements_and_no_label():
 
 
 @pytest.mark.parametrize("law", TEXTS)
-def test_every_rule_is_headed_by_its_article_and_its_gloss(law: str):
+def test_every_rule_of_a_program_has_a_heading_with_its_article_and_gloss(law: str):
     pack, lines = LAWS[law], TEXTS[law].splitlines()
     rules = {rule.code: rule for rule in pack.rules}
     line_of_heading = {

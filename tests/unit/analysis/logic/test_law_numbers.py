@@ -1,4 +1,4 @@
-"""The numbers of the logic programs are those of the rules in Python."""
+"""The logic programs contain the same numbers as the rules in Python."""
 
 from __future__ import annotations
 
@@ -80,11 +80,11 @@ NUMBERS = {
 """The number in SI of each constant of a program: a value, or the field of a rule's criterion."""
 
 UNITS = {"_mm": 1000.0, "_mm_per_s": 1000.0, "_mm_per_s2": 1000.0, "_ms": 1000.0, "_km_per_h": 3.6}
-"""Ends of the names of constants, and how many of their unit are one of SI; others are in SI."""
+"""Suffixes of names of constants, and their number of units per SI unit; without one: SI."""
 
 
 @pytest.mark.parametrize("program", TEXTS)
-def test_every_constant_of_a_program_is_the_number_of_the_package(program: str):
+def test_every_constant_of_a_program_equals_the_number_of_the_package(program: str):
     values = dict(re.findall(r"^#const (\w+) = (\d+)\.", TEXTS[program], re.MULTILINE))
     assert set(values) == set(NUMBERS[program])
     for name, value in values.items():
@@ -100,7 +100,9 @@ def test_every_constant_of_a_program_is_the_number_of_the_package(program: str):
     ("law", "predicate", "code"),
     [("pt", "general_limit", "L12"), ("de", "german_general_limit", "V2")],
 )
-def test_the_general_limits_of_a_program_are_those_of_its_rule(law: str, predicate: str, code: str):
+def test_the_general_speed_limits_of_a_program_equal_the_limits_of_its_rule(
+    law: str, predicate: str, code: str
+):
     limits = re.findall(rf"\b{predicate}\((\w+),(\w+),(\d+)\)", TEXTS[law])
     assert len(limits) == 9  # Three kinds of road, three classes of vehicle.
     for road, vehicle, limit in limits:

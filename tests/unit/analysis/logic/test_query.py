@@ -28,7 +28,7 @@ def test_a_query_may_name_the_rules_that_a_loaded_program_concludes(predicate, c
             parse_query(query)
 
 
-def test_the_rules_that_exist_are_listed_with_the_nearest_first():
+def test_a_query_for_an_unknown_rule_lists_the_rules_with_the_nearest_name_first():
     with pytest.raises(ConfigError) as error:
         parse_query("illegal(S,l4)")
     (listed,) = re.findall(r"one of (.*), got", str(error.value))
@@ -77,7 +77,7 @@ def test_a_query_that_can_have_no_answer_is_refused(query):
         "vehicle(S,1+1,K,_,_), K = t",
     ],
 )
-def test_a_query_that_can_have_an_answer_is_taken(query):
+def test_a_query_that_can_have_an_answer_is_accepted(query):
     parse_query(query)
 
 
@@ -87,7 +87,7 @@ def test_a_query_may_name_each_rule_of_the_head_of_the_program():
     assert set(rules.split(";")) == NAMES == possible_constants()["rule", 1, 0]
 
 
-def test_every_argument_of_constants_can_have_a_constant():
+def test_every_argument_for_constants_has_a_possible_constant():
     for (name, arity), predicate in PREDICATES.items():
         for position, argument_type in enumerate(predicate.types):
             if argument_type.constants:

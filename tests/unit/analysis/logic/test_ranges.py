@@ -44,7 +44,7 @@ def overflows_of(text: str) -> list[str]:
 
 @pytest.mark.ci
 @pytest.mark.parametrize("file", PROGRAMS)
-def test_no_term_of_a_program_leaves_32_bits_whatever_the_facts_within_their_ranges(file: str):
+def test_no_term_of_a_program_leaves_32_bits_for_facts_within_their_ranges(file: str):
     for rule in rules_of(file):
         assert overflows([rule.tree.head, *rule.tree.body], TYPES) == [], rule.text
 
@@ -84,7 +84,7 @@ def test_clingo_wraps_larger_values_without_a_message():
     assert solve("p(1000000000). q(3*X) :- p(X).")["q"] == {(3_000_000_000 - 2**32,)}
 
 
-def test_a_term_that_could_wrap_is_reported():
+def test_a_term_that_could_leave_32_bits_is_reported():
     assert overflows_of("p(X*Y) :- speed(S,A,F,X), speed(S,B,F,Y).") == ["(X*Y)"]
     assert overflows_of("p(X) :- position(S,A,F,X), X+X+X+X+X < 3.") != []
     assert overflows_of("p(Z) :- position(S,A,F,X), Z = 3*X, Z+Z > 0.") != []
@@ -110,7 +110,7 @@ def test_a_condition_that_need_not_hold_does_not_bound_a_variable():
     assert overflows_of("p :- position(S,A,F,X), #count{ Z : Y = X+1, Z = 2*Y } > 1.") == []
 
 
-def test_a_query_that_could_wrap_is_refused():
+def test_a_query_that_could_leave_32_bits_is_refused():
     with pytest.raises(ConfigError, match=r"clingo's integers hold, got \(X\*X\)"):
         parse_query("position(S,A,F,X), X*X > 4")
     with pytest.raises(ConfigError, match="got 4294967297"):
@@ -126,5 +126,5 @@ def test_every_type_leaves_a_reserve_for_a_sum():
             assert all(abs(2 * end) <= MAX_INT for end in ends), argument_type.name
 
 
-def test_the_reasoner_is_the_one_that_is_bounded_here():
+def test_the_reasoner_is_clingo_with_its_32_bit_integers():
     assert import_clingo().__name__ == "clingo"

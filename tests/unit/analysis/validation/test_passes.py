@@ -170,18 +170,20 @@ def test_a_pass_without_an_oncoming_vehicle_has_no_margin():
 def test_a_follower_refuses_a_gap_once_a_second_until_it_passes():
     tally = tally_of(steady_pass())
     # The ego is within 3 s of its leader all the time; it accepts the fourth gap, after 2.5 s.
-    asked = tally.total("asked").reshape(2, 2, passes.AWAY_BINS)
+    # Axes: refused or accepted, other vehicle or motorcycle, bin of distance.
+    decisions = tally.total("asked").reshape(2, 2, passes.AWAY_BINS)
     # Distances at the first decisions lie beyond the last bin.
     distance = 1500.0 - (EGO_SPEED + ONCOMING_SPEED) * np.array([0.0, 1.0, 2.0, 2.45]) - 5.0
     in_bins = distance < passes.AWAY_BINS * passes.AWAY_WIDTH
-    assert asked[0].sum() == in_bins[:3].sum()
-    assert asked[1].sum() == in_bins[3:].sum()
+    assert decisions[0].sum() == in_bins[:3].sum()
+    assert decisions[1].sum() == in_bins[3:].sum()
     tally = tally_of(steady_pass(1900.0))
-    asked = tally.total("asked").reshape(2, 2, passes.AWAY_BINS)
+    # Axes: refused or accepted, other vehicle or motorcycle, bin of distance.
+    decisions = tally.total("asked").reshape(2, 2, passes.AWAY_BINS)
     # The motorcycle is 895 m away at first, where the ego sees 886 m; it is in sight at the next
     # decisions, 845, 795 and 772 m away.
-    assert asked.sum(axis=(1, 2)).tolist() == [2.0, 1.0]
-    assert asked[:, 0].sum() == 0.0  # None is a gap before another vehicle than a motorcycle.
+    assert decisions.sum(axis=(1, 2)).tolist() == [2.0, 1.0]
+    assert decisions[:, 0].sum() == 0.0  # None is a gap before another vehicle than a motorcycle.
     assert tally.total("refused").argmax() == int(
         passes.meeting(steady_pass(1900.0), np.array([0]), np.array([0]))[0][0] / passes.GAP_WIDTH
     )

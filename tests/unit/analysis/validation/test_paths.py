@@ -40,8 +40,8 @@ def durations(path: np.ndarray) -> tuple[float, ...]:
     speed = paths.lateral_speed(path, FRAME_INTERVAL_S)
     begin, end = paths.moving(speed)
     crossing_begin, crossing_end = paths.straddling(path, np.array([0.5 * WIDTH]))
-    rest = paths.settled(speed, FRAME_INTERVAL_S)
-    frames = (end - begin - 1, crossing_end - crossing_begin - 1, rest - begin - 1)
+    rest_frame = paths.settled(speed, FRAME_INTERVAL_S)
+    frames = (end - begin - 1, crossing_end - crossing_begin - 1, rest_frame - begin - 1)
     return tuple(float(number[0]) * FRAME_INTERVAL_S for number in frames)
 
 
