@@ -101,7 +101,7 @@ def test_rules_predict_better_than_the_limit_and_about_like_a_black_box():
     rule_study = learn_rules(planted(), TARGETS["collision"], seed=2)
     rules, baseline, black_box = rule_study.comparison
     assert baseline.name == BASELINE
-    assert rules.num == baseline.num == black_box.num == 360
+    assert rules.num == baseline.num == black_box.num == 360  # 30 % of 1,200 are held out.
     assert rules.f_measure > black_box.f_measure - 0.05
     assert rules.f_measure > baseline.f_measure + 0.3
 

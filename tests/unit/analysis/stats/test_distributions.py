@@ -99,9 +99,10 @@ def test_points_of_5000_simulations_are_a_marked_sample():
     sample = prepare(synthetic_features(5000), policy="paper")
     swarm, pairs = swarm_points(sample, "SE"), pair_points(sample)
     assert swarm["Success_I"].is_sampled
-    assert len(swarm["Success_I"].simulations) == 200
+    assert len(swarm["Success_I"].simulations) == 200  # `MAX_SWARM` points.
     assert pairs.is_sampled
     assert pairs.num_all == 5000
+    # `MAX_PAIRS` is 1,200, of which each class has at least a twentieth.
     assert len(pairs.simulations) < 1500
     counts = sample.frame["CLASS"].iloc[pairs.simulations].value_counts()
     assert counts["Success_L"] >= 60

@@ -103,6 +103,7 @@ LEFT_CHANGE_AND_BACK = (*LEFT_CHANGE, (20.0, 1.0), (25.0, 0.0))
 
 
 def test_a_lane_change_with_a_return_soon_after_is_undone():
+    # `undone_time` in validation.toml is 15 s; this return is 10 s after the change.
     tally = tally_of(with_shift(steady_traffic((100.0, 25.0)), *LEFT_CHANGE_AND_BACK))
     assert total(tally, "changes") == 2.0
     # The record ends 17.5 s after the change back, so that change is watched too, and not undone.
@@ -145,7 +146,8 @@ LEFT, RIGHT = Lights.INDICATOR_LEFT, Lights.INDICATOR_RIGHT
     [
         (LEFT_CHANGE, LEFT, 1.0),  # Completed.
         (LEFT_CHANGE, RIGHT, 0.0),  # The indicator points to the other side.
-        (((10.0, 0.0), (12.0, 0.1), (14.0, 0.0)), LEFT, 0.0),  # A wander of 0.1 lanes.
+        # A wander of 0.35 m; a lane change begins with `begun_shift`, 0.5 m.
+        (((10.0, 0.0), (12.0, 0.1), (14.0, 0.0)), LEFT, 0.0),
         (ABORTED_CHANGE, LEFT | RIGHT, 0.0),  # A wreck with hazard lamps.
     ],
 )
@@ -196,6 +198,7 @@ def test_braking_above_4_is_hard_and_above_6_metres_per_second_squared_very_hard
 
 
 def test_hard_braking_again_within_half_a_second_is_the_same_episode():
+    # `same_episode` is 1 s.
     runs = with_braking(
         with_braking(steady_traffic((100.0, 25.0)), 10.0, 11.0, 5.0), 11.5, 12.0, 5.0
     )
@@ -228,6 +231,7 @@ def test_hard_braking_that_ends_in_contact_is_no_near_crash():
     runs = with_braking(approach(14.0), 10.0, 10.5, 4.5)
     partner, time = runs.contacts.partner.copy(), runs.contacts.time.copy()
     partner[0, 0], time[0, 0] = 1, 14_000
+    # The contact at 14 s follows the braking within `accident_follows`, 5 s.
     collision = runs.replace(contacts=runs.contacts.replace(partner=partner, time=time))
     assert total(tally_of(collision, conflicts), "near_crashes") == 0.0
     assert total(tally_of(collision, conflicts), "hard_braking") == 1.0

@@ -143,7 +143,9 @@ def test_a_pass_is_too_fast_by_the_speed_limit_of_its_station_and_direction(
 
 
 @pytest.mark.parametrize(
-    ("margin", "unsafe", "scarce"), [(5.0, 0.0, 0.0), (2.0, 1.0, 0.0), (0.5, 1.0, 1.0)]
+    # `safe_margin` is 3 s, `scarce_margin` 1 s.
+    ("margin", "unsafe", "scarce"),
+    [(5.0, 0.0, 0.0), (2.0, 1.0, 0.0), (0.5, 1.0, 1.0)],
 )
 def test_a_pass_with_a_short_margin_before_the_oncoming_vehicle_is_unsafe_or_scarce(
     margin, unsafe, scarce
@@ -231,7 +233,7 @@ def test_a_truck_that_passes_the_ego_is_measured_from_its_positions():
 
 
 def test_wandering_over_the_line_and_an_unfinished_pass_are_no_attempts():
-    # An attempt reaches at least `begun_shift` beyond the line.
+    # An attempt reaches at least `begun_shift`, 0.5 m, beyond the line.
     half_width = 0.5 * float(simulated_pass().scenario.vehicles.width[0, 1])
     assert not passes.attempts_of_others(pass_of_ego(EGO_SPEED, offset=0.4 - half_width))
     assert len(passes.attempts_of_others(pass_of_ego(EGO_SPEED, offset=0.6 - half_width))) == 1
@@ -300,6 +302,7 @@ def test_the_safe_gap_equals_a_logistic_regression_at_85_percent():
         return float(np.logaddexp(0.0, np.where(safe, -z, z)).sum())
 
     weights = scipy.optimize.minimize(cost, [0.0, 0.1]).x
+    # At the safe gap, `safe_share` of 0.85 of the passes keep the safe margin.
     expected = (math.log(0.85 / 0.15) - weights[0]) / weights[1]
     assert passes.safe_gap(tally) == pytest.approx(expected, abs=0.1)
 
