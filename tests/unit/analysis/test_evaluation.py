@@ -80,6 +80,7 @@ def test_the_mean_weight_over_egos_is_the_weight_of_the_scene(full_and_scene_bat
 def test_weighted_shares_equal_shares_of_unweighted_sampling(full_and_scene_batches):
     _, scenes = full_and_scene_batches
     is_low = is_low_sun(scenes)
+    # Share 0.5 comes from the lower half, and half of the other draws fall into it.
     assert is_low.mean() == pytest.approx(0.75, abs=0.04)
     standard_error = 0.5 / np.sqrt(len(is_low))
     assert abs((scenes.weight * is_low).mean() - 0.5) < 4.0 * standard_error

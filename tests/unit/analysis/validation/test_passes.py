@@ -129,13 +129,14 @@ def test_a_pass_lasts_from_the_crossing_of_the_line_until_the_return():
 def test_a_pass_is_too_fast_by_the_speed_limit_of_its_station_and_direction(
     start: float, direction: int, too_fast: bool
 ):
-    lower_limit = SpeedLimitSpan(start=start, stop=1400.0, speed=20.0, direction=direction)
+    # The ego is in the other lane from 1075 m to 1275 m.
+    slow_span = SpeedLimitSpan(start=start, stop=1400.0, speed=20.0, direction=direction)
     runs = steady_pass()
     assert not runs.road.course or not runs.road.course.speed_limit_spans
     road = dataclasses.replace(
         runs.road,
         course=dataclasses.replace(
-            runs.road.course or RoadCourse(), speed_limit_spans=(lower_limit,)
+            runs.road.course or RoadCourse(), speed_limit_spans=(slow_span,)
         ),
     )
     (measured_pass,) = passes.passes(runs.replace(scenario=runs.scenario.replace(road=road)))
@@ -180,7 +181,6 @@ def test_a_follower_refuses_a_gap_once_a_second_until_it_passes():
     assert decisions[0].sum() == in_bins[:3].sum()
     assert decisions[1].sum() == in_bins[3:].sum()
     tally = tally_of(steady_pass(1900.0))
-    # Axes: refused or accepted, other vehicle or motorcycle, bin of distance.
     decisions = tally.total("asked").reshape(2, 2, passes.AWAY_BINS)
     # The motorcycle is 895 m away at first, where the ego sees 886 m; it is in sight at the next
     # decisions, 845, 795 and 772 m away.
