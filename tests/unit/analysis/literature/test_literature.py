@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 YANG = (65.1, 79.8, 83.0, 87.0, 88.4, 89.1, 89.4, 89.5, 89.5, 89.5)
 """Accuracies of Yang et al. [%], copied from the paper."""
 
-# Columns of the paper's table of data sets, copied from its source; Y stands for a mark, N for its absence.
+# Columns of the paper's table of data sets, copied from its source. Y is a mark, N is no mark.
 NAMES = (
     "Kitti Cityscapes CamVid Vistas Waymo_Open Lyft_Level_5 nuScenes ApolloScape KAIST BDD100K "
     "H3D PandaSet ACDC"
