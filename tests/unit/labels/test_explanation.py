@@ -1,4 +1,4 @@
-"""Explanations agree with the findings that they explain, and know what the driver believed."""
+"""Explanations agree with the findings, and compare them with the beliefs of the driver."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from overtaking.model.verdicts import Belief, Verdict
 
 NUM_SIMULATIONS = 48
 FAR, NEAR = 60.0, 10.0
-"""Gaps behind a leader of one's own speed, 30 m/s: lawful and not [m]."""
+"""Lawful and unlawful gap behind a leader at the same speed of 30 m/s [m]."""
 
 
 @pytest.fixture(scope="module")
@@ -33,77 +33,81 @@ def labelled() -> LabelledTrajectories:
     )
 
 
-def test_each_rule_is_broken_or_doubtful_or_kept_or_inapplicable_as_found(labelled):
+def test_an_explanation_sorts_the_rules_by_their_verdicts(labelled):
     codes = np.array(labelled.findings.rule_codes)
     for simulation in range(NUM_SIMULATIONS):
-        told = explain(labelled, simulation)
+        explanation = explain(labelled, simulation)
         verdict = labelled.findings.verdict[simulation]
-        parts = {
-            Verdict.ILLEGAL: [each.rule.code for each in told.breaches],
-            Verdict.UNDECIDABLE: [each.rule.code for each in told.undecided],
-            Verdict.LEGAL: [rule.code for rule in told.kept],
-            Verdict.NOT_APPLICABLE: [rule.code for rule in told.inapplicable],
+        codes_by_verdict = {
+            Verdict.ILLEGAL: [item.rule.code for item in explanation.breaches],
+            Verdict.UNDECIDABLE: [item.rule.code for item in explanation.undecided],
+            Verdict.LEGAL: [rule.code for rule in explanation.kept],
+            Verdict.NOT_APPLICABLE: [rule.code for rule in explanation.inapplicable],
         }
-        for kind, of_kind in parts.items():
-            assert of_kind == codes[verdict == kind].tolist()
+        for expected_verdict, rule_codes in codes_by_verdict.items():
+            assert rule_codes == codes[verdict == expected_verdict].tolist()
 
 
 def test_breaches_repeat_margin_frames_severity_and_belief_of_the_findings(labelled):
-    seen = set()
+    broken_codes = set()
     for simulation in range(NUM_SIMULATIONS):
         findings = labelled.findings.select(np.array([simulation]))
-        for each in explain(labelled, simulation).breaches:
-            place = (0, findings.rule_codes.index(each.rule.code))
-            assert each.margin == findings.margin[place] < 0
-            assert (each.first_frame, each.last_frame) == (
-                findings.first_frame[place],
-                findings.last_frame[place],
+        for breach in explain(labelled, simulation).breaches:
+            cell = (0, findings.rule_codes.index(breach.rule.code))
+            assert breach.margin == findings.margin[cell] < 0
+            assert (breach.first_frame, breach.last_frame) == (
+                findings.first_frame[cell],
+                findings.last_frame[cell],
             )
-            assert each.severity == findings.severity[place]
-            assert each.belief == findings.belief[place]
-            assert each.remedies
-            seen.add(each.rule.code)
-    assert len(seen) >= 12
+            assert breach.severity == findings.severity[cell]
+            assert breach.belief == findings.belief[cell]
+            assert breach.remedies
+            broken_codes.add(breach.rule.code)
+    assert len(broken_codes) >= 12
 
 
-def test_the_policies_of_a_breach_are_those_that_count_it(labelled):
+def test_a_breach_names_the_policies_that_count_it(labelled):
     for simulation in range(NUM_SIMULATIONS):
-        told = explain(labelled, simulation).breaches
-        for place, one in enumerate(STORED_POLICIES):
-            counted = sum(one.name in each.policies for each in told)
-            assert counted == labelled.labels.num_broken[simulation, place]
+        breaches = explain(labelled, simulation).breaches
+        for column, policy in enumerate(STORED_POLICIES):
+            num_counted = sum(policy.name in breach.policies for breach in breaches)
+            assert num_counted == labelled.labels.num_broken[simulation, column]
 
 
-def test_without_weather_the_rules_that_need_it_are_named_with_what_is_missing(labelled):
+def test_an_undecided_rule_names_its_missing_inputs(labelled):
     runs = labelled.trajectories.replace(unknown=frozenset(["weather", "lamps"]))
-    told = explain(label(runs), 0)
-    doubts = {each.rule.code: each for each in told.undecided}
+    explanation = explain(label(runs), 0)
+    doubts = {doubt.rule.code: doubt for doubt in explanation.undecided}
     assert "weather" in doubts["L14"].missing_inputs
     assert doubts["L14s"].missing_inputs == ("lamps", "weather")
     assert doubts["L14s"].policies == ("strict",)
-    assert all(each.missing_inputs for each in told.undecided)
+    assert all(doubt.missing_inputs for doubt in explanation.undecided)
     assert "L14" in stored_policy("default").required
 
 
-def test_the_thought_of_the_deciding_decision_is_the_belief_of_the_finding(labelled):
-    compared = 0
+def test_the_belief_at_the_deciding_decision_is_the_belief_of_the_finding(labelled):
+    num_compared = 0
     for simulation in range(NUM_SIMULATIONS):
-        told = explain(labelled, simulation)
-        one = labelled.select(np.array([simulation]))
+        explanation = explain(labelled, simulation)
+        simulated = labelled.select(np.array([simulation]))
         pulls = [
-            each for each in told.believed
-            if one.trajectories.percepts.kind[0, each.percept] == ManoeuvreKind.PULL_OUT
+            thought for thought in explanation.believed
+            if simulated.trajectories.percepts.kind[0, thought.percept] == ManoeuvreKind.PULL_OUT
         ]  # fmt: skip
-        if len({each.percept for each in pulls}) != 1 or one.events.attempt[0] < 0:
+        if len({thought.percept for thought in pulls}) != 1 or simulated.events.attempt[0] < 0:
             continue
-        for each in pulls:
+        for thought in pulls:
             finding = Belief(
-                int(one.findings.belief[0, one.findings.rule_codes.index(each.rule_code)])
+                int(
+                    simulated.findings.belief[
+                        0, simulated.findings.rule_codes.index(thought.rule_code)
+                    ]
+                )
             )
             if finding is not Belief.NONE:
-                assert each.belief is finding
-                compared += 1
-    assert compared >= 10
+                assert thought.belief is finding
+                num_compared += 1
+    assert num_compared >= 10
 
 
 def leader(gap: float, true_gap: float, **changes) -> Believed:
@@ -120,14 +124,14 @@ def leader(gap: float, true_gap: float, **changes) -> Believed:
         (leader(0.0, NEAR, detected=False), Belief.MISTAKEN),
     ],
 )
-def test_a_driver_is_right_or_mistaken_or_knows_or_is_lucky(believed, belief):
+def test_perceived_and_true_gap_decide_the_kind_of_belief(believed, belief):
     (thought,) = believed_findings(crossing(beliefs=(believed,)), PORTUGAL)
     assert (thought.perceived, thought.rule_code, thought.belief) == (
         PerceivedVehicle.LEADER,
         "L3",
         belief,
     )
-    # At equal speeds a second of way is asked for: 30 m.
+    # At equal speeds the rule requires the distance of one second: 30 m.
     assert thought.margin == pytest.approx(believed.true_gap - 30.0, abs=1e-3)
     if believed.detected:
         assert thought.believed_margin == pytest.approx(believed.gap - 30.0, abs=1e-3)
@@ -144,9 +148,9 @@ def test_a_driver_is_right_or_mistaken_or_knows_or_is_lucky(believed, belief):
         (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_FOLLOWER, "L8"),
     ],
 )
-def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
-    one = crossing(Track(s=40.0, lane=1), beliefs=(leader(FAR, NEAR, kind=kind, whom=whom),))
-    (thought,) = believed_findings(one, PORTUGAL)
+def test_each_perceived_neighbour_at_each_decision_has_its_rule(kind, whom, code):
+    judged = crossing(Track(s=40.0, lane=1), beliefs=(leader(FAR, NEAR, kind=kind, whom=whom),))
+    (thought,) = believed_findings(judged, PORTUGAL)
     assert (thought.perceived, thought.rule_code, thought.belief) == (whom, code, Belief.MISTAKEN)
 
 
@@ -160,16 +164,16 @@ def test_each_neighbour_at_each_decision_has_its_rule(kind, whom, code):
         (ManoeuvreKind.RETURN, PerceivedVehicle.NEW_FOLLOWER, 40.0, 30.0),
     ],
 )
-def test_the_margin_is_that_of_who_drives_behind(kind, whom, rear, lead):
-    seen = leader(FAR, FAR, kind=kind, whom=whom, closing_speed=10.0, true_closing_speed=10.0)
-    one = crossing(Track(s=40.0, lane=1), beliefs=(seen,))
-    (thought,) = believed_findings(one, PORTUGAL)
-    b = min(8.0, 0.9 * float(one.signals.friction[0, 50]) * 9.81)
+def test_the_margin_uses_the_speed_of_the_rear_vehicle(kind, whom, rear, lead):
+    percept = leader(FAR, FAR, kind=kind, whom=whom, closing_speed=10.0, true_closing_speed=10.0)
+    judged = crossing(Track(s=40.0, lane=1), beliefs=(percept,))
+    (thought,) = believed_findings(judged, PORTUGAL)
+    b = min(8.0, 0.9 * float(judged.signals.friction[0, 50]) * 9.81)
     needed = rear + (rear * rear - lead * lead) / (2.0 * b)
     assert thought.margin == pytest.approx(FAR - needed, abs=0.01)
 
 
-def test_of_an_abort_and_without_percepts_the_law_says_nothing():
+def test_an_abort_and_a_recording_without_percepts_have_no_believed_findings():
     believed = (leader(FAR, NEAR, kind=ManoeuvreKind.CANCEL),)
     assert believed_findings(crossing(beliefs=believed), PORTUGAL) == ()
     assert (
@@ -178,17 +182,24 @@ def test_of_an_abort_and_without_percepts_the_law_says_nothing():
     )
 
 
-def test_another_pack_and_policy_are_explained_too(labelled):
-    rules = tuple(one for one in PORTUGAL.rules if one.code in ("L3", "L12"))
+def test_an_explanation_accepts_another_pack_and_policy(labelled):
+    rules = tuple(rule for rule in PORTUGAL.rules if rule.code in ("L3", "L12"))
     pack = Pack(name="short", version="short-1", rules=rules)
-    only = Policy(
+    speed_only = Policy(
         name="slow",
         required=("L12",),
         allows_undecided=True,
         censors_open=False,
         names_departures=False,
     )
-    one = label(labelled.trajectories, pack=pack, policies=(only,))
-    told = [explain(one, n, pack=pack, policies=(only,)) for n in range(NUM_SIMULATIONS)]
-    asked = {each.rule.code: each.policies for of_one in told for each in of_one.breaches}
-    assert asked == {"L12": ("slow",), "L3": ()}
+    relabelled = label(labelled.trajectories, pack=pack, policies=(speed_only,))
+    explanations = [
+        explain(relabelled, simulation, pack=pack, policies=(speed_only,))
+        for simulation in range(NUM_SIMULATIONS)
+    ]
+    policies_of_rules = {
+        breach.rule.code: breach.policies
+        for explanation in explanations
+        for breach in explanation.breaches
+    }
+    assert policies_of_rules == {"L12": ("slow",), "L3": ()}

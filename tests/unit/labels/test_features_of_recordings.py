@@ -1,4 +1,4 @@
-"""What is measured of recordings in which vehicles come and go."""
+"""Features of recordings in which vehicles enter and leave the view."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ EGO, TARGET, BEHIND, FAR = OVERTAKE
 
 
 @pytest.fixture
-def judged(tmp_path):
-    """The first simulation of a made-up recording."""
+def labelled_recording(tmp_path):
+    """A function that labels the first simulation of a recording of given movers."""
 
-    def _judged(*movers):
+    def label_movers(*movers):
         path = tmp_path / "scene.xml"
         path.write_text(commonroad(movers), encoding="utf-8")
-        found = scenes(read_commonroad(path))
-        return label(found.trajectories(range(1)))
+        recorded_scenes = scenes(read_commonroad(path))
+        return label(recorded_scenes.trajectories(range(1)))
 
-    return _judged
+    return label_movers
 
 
 def features(labelled, reading: str) -> dict:
@@ -39,54 +39,74 @@ def features(labelled, reading: str) -> dict:
 
 
 @pytest.mark.parametrize("reading", ["paper", "matched"])
-def test_a_track_that_begins_within_a_change_has_no_waiting_time_and_no_gap(judged, reading):
-    found = judged(replace(EGO, first=36), TARGET, BEHIND, FAR)
-    assert found.events.attempt[0] == found.events.began_before_recording[0] == 0
-    said = features(found, reading)
-    assert said["WT_s"] is said["OT_s"] is said["D_m"] is None
-    assert said["SP_mps"] == pytest.approx(24.0, abs=0.1)
-    assert encode_labels(found, np.arange(1))["attempts"]["waiting_time_s"].to_pylist() == [None]
-    events = encode_labels(found, np.arange(1))["events"]["event"].to_pylist()
+def test_a_track_that_begins_within_a_lane_change_has_no_waiting_time_and_no_gap(
+    labelled_recording, reading
+):
+    labelled = labelled_recording(replace(EGO, first=36), TARGET, BEHIND, FAR)
+    assert labelled.events.attempt[0] == labelled.events.began_before_recording[0] == 0
+    row = features(labelled, reading)
+    assert row["WT_s"] is row["OT_s"] is row["D_m"] is None
+    assert row["SP_mps"] == pytest.approx(24.0, abs=0.1)
+    assert encode_labels(labelled, np.arange(1))["attempts"]["waiting_time_s"].to_pylist() == [None]
+    events = encode_labels(labelled, np.arange(1))["events"]["event"].to_pylist()
     assert {"attempt", "began_before_recording"} <= set(events)
 
 
-def test_a_track_that_begins_before_has_them(judged):
-    found = judged(*OVERTAKE)
-    assert found.events.began_before_recording[0] == NEVER
-    said = features(found, "paper")
-    assert said["WT_s"] > 1.0
-    assert said["D_m"] > 40.0
+def test_a_track_that_begins_before_the_lane_change_has_a_waiting_time_and_a_gap(
+    labelled_recording,
+):
+    labelled = labelled_recording(*OVERTAKE)
+    assert labelled.events.began_before_recording[0] == NEVER
+    row = features(labelled, "paper")
+    assert row["WT_s"] > 1.0
+    assert row["D_m"] > 40.0
 
 
 @pytest.mark.ci
-def test_without_anybody_ahead_the_gap_is_zero(judged):
-    found = judged(*OVERTAKE)
-    alone = found.events.replace(
+def test_without_a_target_the_gap_is_zero(labelled_recording):
+    labelled = labelled_recording(*OVERTAKE)
+    events_without_target = labelled.events.replace(
         target_slot=np.array([255], np.uint8),
         attempt=np.array([NEVER]),
         following_begin=np.zeros(1, np.int32),
     )
-    nobody = features_of(found, alone)
-    assert nobody.distance[0] == nobody.target_speed[0] == nobody.speed_difference[0] == 0.0
+    features_without_target = features_of(labelled, events_without_target)
+    assert (
+        features_without_target.distance[0]
+        == features_without_target.target_speed[0]
+        == features_without_target.speed_difference[0]
+        == 0.0
+    )
 
 
-def test_the_gap_to_somebody_who_is_no_longer_there_is_unknown(judged):
-    found = judged(*OVERTAKE)
-    present = found.trajectories.state_mask.copy()
-    present[:, 1] = False
-    run = found.trajectories.replace(is_recorded=present)
-    waiting = found.events.replace(attempt=np.array([NEVER]))
-    gone = features_of(found, waiting, run)
-    assert np.isnan([gone.distance[0], gone.target_speed[0], gone.speed_difference[0]]).all()
+def test_the_gap_to_a_target_that_is_no_longer_recorded_is_unknown(labelled_recording):
+    labelled = labelled_recording(*OVERTAKE)
+    is_recorded = labelled.trajectories.state_mask.copy()
+    is_recorded[:, 1] = False
+    trajectories = labelled.trajectories.replace(is_recorded=is_recorded)
+    events = labelled.events.replace(attempt=np.array([NEVER]))
+    features_without_track = features_of(labelled, events, trajectories)
+    assert np.isnan(
+        [
+            features_without_track.distance[0],
+            features_without_track.target_speed[0],
+            features_without_track.speed_difference[0],
+        ]
+    ).all()
 
 
-def test_a_leader_that_is_no_longer_recorded_is_not_overtaken(judged):
-    run = judged(*OVERTAKE).trajectories
-    present = run.state_mask.copy()
-    present[0, 1:, 20:] = False
-    assert case_from_trajectories(run.replace(is_recorded=present)).events.attempt[0] == NEVER
+def test_a_leader_that_is_no_longer_recorded_is_not_overtaken(labelled_recording):
+    trajectories = labelled_recording(*OVERTAKE).trajectories
+    is_recorded = trajectories.state_mask.copy()
+    is_recorded[0, 1:, 20:] = False
+    assert (
+        case_from_trajectories(trajectories.replace(is_recorded=is_recorded)).events.attempt[0]
+        == NEVER
+    )
 
 
-def features_of(found, events, run=None):
-    """The matched features if these were the events."""
-    return matched_features(with_events(case_from_trajectories(run or found.trajectories), events))
+def features_of(labelled, events, trajectories=None):
+    """The matched features of a recording with other events."""
+    return matched_features(
+        with_events(case_from_trajectories(trajectories or labelled.trajectories), events)
+    )

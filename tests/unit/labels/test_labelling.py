@@ -1,4 +1,4 @@
-"""The class of a simulation under each policy, where outcome and law do not decide alone."""
+"""The class under each policy of a simulation in which the ego spins."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ PULLS_OUT = ramp((3, 0), (6, 1), frames=FRAMES)
 
 def classes(ego_lane: object, turn_at: int) -> list[OvertakeClass]:
     """The classes of a drive that ends across the road."""
-    one = case(Track(speed=28.0, lane=ego_lane), AHEAD, frames=FRAMES, road=wide_road(lanes=3))
-    heading = one.trajectories.states.heading.copy()
+    drive = case(Track(speed=28.0, lane=ego_lane), AHEAD, frames=FRAMES, road=wide_road(lanes=3))
+    heading = drive.trajectories.states.heading.copy()
     heading[:, 0, turn_at:] = 10_000
-    states = one.trajectories.states.replace(heading=heading)
-    labels = label(one.trajectories.replace(states=states)).labels
+    states = drive.trajectories.states.replace(heading=heading)
+    labels = label(drive.trajectories.replace(states=states)).labels
     assert labels.policies == ("paper", "default", "strict")
-    return [OvertakeClass(int(each)) for each in np.asarray(labels.classes[0])]
+    return [OvertakeClass(int(code)) for code in np.asarray(labels.classes[0])]
 
 
 def test_a_spin_in_an_overtake_is_not_completed_for_the_study_and_a_departure_for_others():

@@ -25,26 +25,26 @@ from overtaking.model.verdicts import Verdict
         (GERMANY, ("A1", "O7", "O10", "V1", "V1s", "V2")),
     ],
 )
-def test_the_smallest_margin_is_that_of_the_finding(pack, codes):
+def test_the_smallest_margin_by_frame_is_the_margin_of_the_finding(pack, codes):
     runs = ot.simulate(ot.sample("pinto2023-physical", num_simulations=64, seed=5))
     labelled = label(runs, pack=pack, policies=policies_of_law(pack.name))
     num_checked = dict.fromkeys(codes, 0)
     for number in range(64):
         simulation = labelled.select(np.array([number]))
         series = margins_by_frame(simulation, pack)
-        for place, code in enumerate(simulation.findings.rule_codes):
-            is_decided = simulation.findings.verdict[0, place] in (Verdict.LEGAL, Verdict.ILLEGAL)
+        for column, code in enumerate(simulation.findings.rule_codes):
+            is_decided = simulation.findings.verdict[0, column] in (Verdict.LEGAL, Verdict.ILLEGAL)
             assert (code in series) == (code in num_checked and is_decided)
             if code in series:
                 num_checked[code] += 1
-                assert np.nanmin(series[code]) == simulation.findings.margin[0, place]
-                broken = np.flatnonzero(series[code] < 0)
-                if simulation.findings.verdict[0, place] == Verdict.ILLEGAL:
+                assert np.nanmin(series[code]) == simulation.findings.margin[0, column]
+                breach_frames = np.flatnonzero(series[code] < 0)
+                if simulation.findings.verdict[0, column] == Verdict.ILLEGAL:
                     ends = (
-                        simulation.findings.first_frame[0, place],
-                        simulation.findings.last_frame[0, place],
+                        simulation.findings.first_frame[0, column],
+                        simulation.findings.last_frame[0, column],
                     )
-                    assert (broken[0], broken[-1]) == ends
+                    assert (breach_frames[0], breach_frames[-1]) == ends
     # O10 is about bicycles, and few targets are bicycles.
     assert min(count for code, count in num_checked.items() if code != "O10") > 5
 

@@ -20,78 +20,81 @@ if TYPE_CHECKING:
     from overtaking.model.overtake_features import OncomingState
 
 
-def told(case) -> dict[str, float]:
-    found = oncoming_measures(case)
+def measures_of(case) -> dict[str, float]:
+    """The measures against oncoming traffic of the only simulation, by name."""
+    features = oncoming_measures(case)
     return {
-        one.name: float(getattr(found, one.name)[0])
-        for one in dataclasses.fields(found)
-        if isinstance(getattr(found, one.name), np.ndarray)
+        field.name: float(getattr(features, field.name)[0])
+        for field in dataclasses.fields(features)
+        if isinstance(getattr(features, field.name), np.ndarray)
     }
 
 
-def test_distances_and_times_are_those_of_two_vehicles_that_drive_evenly():
+def test_gaps_and_times_to_meet_of_two_vehicles_at_constant_speeds():
     # 30 m/s against 20 m/s; over the line from frame 76 to 334, alongside from frame 241 on.
-    found = told(rural(meeting(60.0)))
-    assert found["gap_at_return"] == pytest.approx(60.0 + 50.0 * 0.05, abs=0.01)
-    assert found["gap_abreast"] == pytest.approx(60.0 + 50.0 * (335 - 241) * 0.05, abs=0.01)
-    assert found["gap_at_crossing"] == pytest.approx(60.0 + 50.0 * (335 - 76) * 0.05, abs=0.01)
+    measures = measures_of(rural(meeting(60.0)))
+    assert measures["gap_at_return"] == pytest.approx(60.0 + 50.0 * 0.05, abs=0.01)
+    assert measures["gap_abreast"] == pytest.approx(60.0 + 50.0 * (335 - 241) * 0.05, abs=0.01)
+    assert measures["gap_at_crossing"] == pytest.approx(60.0 + 50.0 * (335 - 76) * 0.05, abs=0.01)
     for name in ("at_crossing", "abreast", "at_return"):
-        time = found[f"time_to_meet_{name}"]
-        assert time == pytest.approx(found[f"gap_{name}"] / 50.0, rel=1e-5)
-    assert found["min_time_to_meet"] == pytest.approx(found["time_to_meet_at_return"], rel=1e-5)
-    assert found["time_in_opposing_lane"] == pytest.approx((334 - 76) * 0.05)
+        time = measures[f"time_to_meet_{name}"]
+        assert time == pytest.approx(measures[f"gap_{name}"] / 50.0, rel=1e-5)
+    assert measures["min_time_to_meet"] == pytest.approx(
+        measures["time_to_meet_at_return"], rel=1e-5
+    )
+    assert measures["time_in_opposing_lane"] == pytest.approx((334 - 76) * 0.05)
 
 
-def test_an_unseen_road_counts_as_somebody_at_the_limit():
-    found = told(along_course(RoadCourse(sight=((0.0, 400.0),))))
-    assert found["sight_at_crossing"] == 400.0
-    assert found["time_available"] == pytest.approx(400.0 / (30.0 + 25.0))
-    assert np.isnan([found["gap_at_crossing"], found["min_time_to_meet"]]).all()
+def test_an_unseen_road_counts_as_an_oncoming_vehicle_at_the_speed_limit():
+    measures = measures_of(along_course(RoadCourse(sight=((0.0, 400.0),))))
+    assert measures["sight_at_crossing"] == 400.0
+    assert measures["time_available"] == pytest.approx(400.0 / (30.0 + 25.0))
+    assert np.isnan([measures["gap_at_crossing"], measures["min_time_to_meet"]]).all()
 
 
-def test_who_is_met_sooner_than_sight_ends_decides():
-    found = told(rural(meeting(60.0)))
-    assert found["time_available"] == pytest.approx(found["time_to_meet_at_crossing"])
+def test_an_oncoming_vehicle_in_sight_decides_the_time_available():
+    measures = measures_of(rural(meeting(60.0)))
+    assert measures["time_available"] == pytest.approx(measures["time_to_meet_at_crossing"])
 
 
-def test_who_has_gone_by_is_not_met_again():
-    found = told(rural(meeting(-500.0)))
-    assert np.isnan(found["gap_at_return"])
-    assert found["gap_at_crossing"] > 0.0
+def test_a_vehicle_that_has_passed_the_ego_is_no_longer_oncoming():
+    measures = measures_of(rural(meeting(-500.0)))
+    assert np.isnan(measures["gap_at_return"])
+    assert measures["gap_at_crossing"] > 0.0
 
 
 @pytest.mark.parametrize("make", [overtake, lambda: rural(ego={"lane": 0.0})])
-def test_without_the_other_side_nothing_is_measured(make):
-    found = told(make())
-    assert not found.pop("was_in_opposing_lane")
-    assert not found.pop("was_aborted")
-    assert np.isnan(list(found.values())).all()
+def test_without_driving_in_the_opposing_lane_there_are_no_measures(make):
+    measures = measures_of(make())
+    assert not measures.pop("was_in_opposing_lane")
+    assert not measures.pop("was_aborted")
+    assert np.isnan(list(measures.values())).all()
 
 
-def test_who_falls_back_behind_its_target_has_given_up():
-    away = ramp((3, 0), (6, 1), (7, 1), (10, 0), frames=FRAMES)
-    found = told(rural(meeting(60.0), ego={"lane": away, "speed": 21.0}))
-    assert found["was_in_opposing_lane"]
-    assert found["was_aborted"]
-    assert np.isnan(found["time_to_meet_abreast"])
-    assert not told(rural(meeting(60.0)))["was_aborted"]
+def test_an_ego_that_falls_back_behind_its_target_has_aborted():
+    lane = ramp((3, 0), (6, 1), (7, 1), (10, 0), frames=FRAMES)
+    measures = measures_of(rural(meeting(60.0), ego={"lane": lane, "speed": 21.0}))
+    assert measures["was_in_opposing_lane"]
+    assert measures["was_aborted"]
+    assert np.isnan(measures["time_to_meet_abreast"])
+    assert not measures_of(rural(meeting(60.0)))["was_aborted"]
 
 
-def test_who_comes_is_known_when_the_overtake_begins():
-    one = rural(meeting(60.0, kind="MC"))
-    found, frame = attempt_features(one).oncoming, int(one.events.attempt[0])
+def test_features_of_the_attempt_describe_the_oncoming_vehicle():
+    drive = rural(meeting(60.0, kind="MC"))
+    features, frame = attempt_features(drive).oncoming, int(drive.events.attempt[0])
     gap = 60.0 + 50.0 * (335 - frame) * 0.05
-    # It is as long as a motorcycle, and `meeting` places the centre of a car of 4.4 m.
-    gap += 0.5 * (4.4 - float(one.trajectories.scenario.vehicles.length[0, 2]))
-    assert found.exists[0]
-    assert found.has_oncoming[0]
-    assert found.kind[0] == VehicleKind.MOTORCYCLE
-    assert found.gap[0] == pytest.approx(gap, abs=0.01)
-    assert found.closing_speed[0] == pytest.approx(50.0, rel=1e-5)
-    assert found.time[0] == pytest.approx(gap / 50.0, abs=1e-3)
+    # The oncoming vehicle is a motorcycle, and `meeting` places the centre of a car of 4.4 m.
+    gap += 0.5 * (4.4 - float(drive.trajectories.scenario.vehicles.length[0, 2]))
+    assert features.exists[0]
+    assert features.has_oncoming[0]
+    assert features.kind[0] == VehicleKind.MOTORCYCLE
+    assert features.gap[0] == pytest.approx(gap, abs=0.01)
+    assert features.closing_speed[0] == pytest.approx(50.0, rel=1e-5)
+    assert features.time[0] == pytest.approx(gap / 50.0, abs=1e-3)
 
 
-def test_the_line_and_the_sight_are_those_of_the_place():
+def test_features_of_the_attempt_have_the_line_and_the_sight_at_the_ego():
     def at_the_attempt(course: RoadCourse) -> OncomingState:
         return attempt_features(along_course(course)).oncoming
 
@@ -99,14 +102,14 @@ def test_the_line_and_the_sight_are_those_of_the_place():
         return CentreLineSpan(mark=RoadMark.SOLID, start=start, stop=400.0)
 
     # The attempt begins at 100 m; the ego is over the line beyond 114 m.
-    ahead, here = (
+    before_line, at_line = (
         at_the_attempt(RoadCourse(centre_line_spans=(solid(start),))) for start in (110.0, 80.0)
     )
-    assert ahead.crossable[0]
-    assert not ahead.has_oncoming[0]
-    assert not here.crossable[0]
+    assert before_line.crossable[0]
+    assert not before_line.has_oncoming[0]
+    assert not at_line.crossable[0]
     assert at_the_attempt(RoadCourse(sight=((0.0, 400.0),))).sight[0] == 400.0
 
 
-def test_a_road_of_one_direction_has_no_other_side():
+def test_a_road_of_one_direction_has_no_oncoming_traffic():
     assert not attempt_features(overtake()).oncoming.exists[0]

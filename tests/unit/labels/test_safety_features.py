@@ -1,4 +1,4 @@
-"""Surrogate measures of safety: of overtakes drawn by hand, and in each frame of simulated ones."""
+"""Surrogate measures of safety, of overtakes drawn by hand and in each frame of simulations."""
 
 from __future__ import annotations
 
@@ -26,119 +26,123 @@ if TYPE_CHECKING:
 
 FRAMES = 500
 ROAD = wide_road(lanes=3)
-WAY = ramp((3, 0), (6, 1), (14, 1), (17, 0), frames=FRAMES)
+LANE_OVER_TIME = ramp((3, 0), (6, 1), (14, 1), (17, 0), frames=FRAMES)
 BODY = {"length": 4.0, "width": 1.8}
 
 
 def overtake(*others: Track) -> Case:
-    ego = Track(speed=28.0, lane=WAY, body=BODY)
+    ego = Track(speed=28.0, lane=LANE_OVER_TIME, body=BODY)
     target = Track(s=60.0, speed=20.0, body=BODY)
     return case(ego, target, *others, frames=FRAMES, road=ROAD)
 
 
-def at(values: np.ndarray, moment: str) -> float:
+def value_at(values: np.ndarray, moment: str) -> float:
     return float(values[0, MEASURED_MOMENTS.index(moment)])
 
 
-def gap_at(one: Case, event: str) -> float:
+def gap_at(drive: Case, event: str) -> float:
     """Gap of ego and target, from bumper to bumper."""
-    frame = int(getattr(one.events, event)[0])
+    frame = int(getattr(drive.events, event)[0])
     return abs(60.0 - 8.0 * frame * 0.05) - 4.0
 
 
-def test_measures_at_the_attempt_are_those_of_the_vehicle_ahead():
-    one = overtake()
-    found, gap = safety_features(one), gap_at(one, "attempt")
-    assert at(found.leader.gap, "attempt") == pytest.approx(gap, abs=2e-3)
-    assert at(found.leader.time_gap, "attempt") == pytest.approx(gap / 28.0, rel=1e-3)
-    assert at(found.time_headway, "attempt") == pytest.approx((gap + 4.0) / 28.0, rel=1e-3)
-    assert at(found.leader.ttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
-    assert at(found.leader.mttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
-    assert at(found.leader.drac, "attempt") == pytest.approx(64.0 / (2.0 * gap), rel=1e-3)
+def test_measures_at_the_attempt_refer_to_the_leader():
+    drive = overtake()
+    measures, gap = safety_features(drive), gap_at(drive, "attempt")
+    assert value_at(measures.leader.gap, "attempt") == pytest.approx(gap, abs=2e-3)
+    assert value_at(measures.leader.time_gap, "attempt") == pytest.approx(gap / 28.0, rel=1e-3)
+    assert value_at(measures.time_headway, "attempt") == pytest.approx((gap + 4.0) / 28.0, rel=1e-3)
+    assert value_at(measures.leader.ttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
+    assert value_at(measures.leader.mttc, "attempt") == pytest.approx(gap / 8.0, rel=1e-3)
+    assert value_at(measures.leader.drac, "attempt") == pytest.approx(64.0 / (2.0 * gap), rel=1e-3)
     picud = gap - 28.0 - (28.0**2 - 20.0**2) / 6.6
-    assert at(found.picud, "attempt") == pytest.approx(picud, rel=1e-3)
+    assert value_at(measures.picud, "attempt") == pytest.approx(picud, rel=1e-3)
 
 
-def test_accelerations_count_in_the_time_to_collision_that_has_them():
+def test_the_modified_time_to_collision_uses_the_accelerations():
     ego = Track(speed=28.0, accel=1.0, body=BODY)
     ahead = Track(s=60.0, speed=20.0, accel=-0.5, body=BODY)
     behind = Track(s=-40.0, speed=30.0, accel=1.5, body=BODY)
-    one = case(ego, ahead, behind, frames=60, road=ROAD, events={"attempt": 0})
-    found = safety_features(one)
+    drive = case(ego, ahead, behind, frames=60, road=ROAD, events={"attempt": 0})
+    measures = safety_features(drive)
     # The first t with a t^2 / 2 + v t = gap, for 1.5 and for 0.5 m/s^2.
-    assert at(found.leader.mttc, "attempt") == pytest.approx(
+    assert value_at(measures.leader.mttc, "attempt") == pytest.approx(
         (np.sqrt(8.0**2 + 2 * 1.5 * 56.0) - 8.0) / 1.5, rel=1e-3
     )
-    assert at(found.follower.mttc, "attempt") == pytest.approx(
+    assert value_at(measures.follower.mttc, "attempt") == pytest.approx(
         (np.sqrt(2.0**2 + 2 * 0.5 * 36.0) - 2.0) / 0.5, rel=1e-3
     )
 
 
-def test_the_overtaken_vehicle_is_behind_in_the_lane_entered_at_the_return():
-    one = overtake()
-    found, gap = safety_features(one), gap_at(one, "return_begin")
-    assert at(found.new_follower.gap, "return_begin") == pytest.approx(gap, abs=2e-3)
-    assert at(found.new_follower.time_gap, "return_begin") == pytest.approx(gap / 20.0, rel=1e-3)
-    assert np.isinf(at(found.new_follower.ttc, "return_begin"))
-    assert not at(found.follower.valid, "return_begin")
-    assert at(found.follower.valid, "return_end")
+def test_at_the_return_the_overtaken_vehicle_is_the_new_follower():
+    drive = overtake()
+    measures, gap = safety_features(drive), gap_at(drive, "return_begin")
+    assert value_at(measures.new_follower.gap, "return_begin") == pytest.approx(gap, abs=2e-3)
+    assert value_at(measures.new_follower.time_gap, "return_begin") == pytest.approx(
+        gap / 20.0, rel=1e-3
+    )
+    assert np.isinf(value_at(measures.new_follower.ttc, "return_begin"))
+    assert not value_at(measures.follower.valid, "return_begin")
+    assert value_at(measures.follower.valid, "return_end")
 
 
-def test_the_vehicle_behind_on_the_left_counts_when_its_lane_is_entered():
-    one = overtake(Track(s=-30.0, lane=1, speed=31.0, body=BODY))
-    found = safety_features(one)
-    time = int(one.events.line_crossed[0]) * 0.05
+def test_at_the_line_crossing_the_vehicle_behind_on_the_left_is_the_new_follower():
+    drive = overtake(Track(s=-30.0, lane=1, speed=31.0, body=BODY))
+    measures = safety_features(drive)
+    time = int(drive.events.line_crossed[0]) * 0.05
     gap = 30.0 - 3.0 * time - 4.0
-    assert at(found.new_follower.gap, "line_crossed") == pytest.approx(gap, abs=2e-3)
-    assert at(found.new_follower.ttc, "line_crossed") == pytest.approx(gap / 3.0, rel=1e-3)
-    assert at(found.new_follower.drac, "line_crossed") == pytest.approx(4.5 / gap, rel=1e-3)
-    assert not at(found.new_follower.valid, "overlap_begin")
+    assert value_at(measures.new_follower.gap, "line_crossed") == pytest.approx(gap, abs=2e-3)
+    assert value_at(measures.new_follower.ttc, "line_crossed") == pytest.approx(gap / 3.0, rel=1e-3)
+    assert value_at(measures.new_follower.drac, "line_crossed") == pytest.approx(
+        4.5 / gap, rel=1e-3
+    )
+    assert not value_at(measures.new_follower.valid, "overlap_begin")
 
 
-def test_critical_times_add_up_to_their_integrals():
-    # 56 m at 8 m/s: the time to collision is 7 s minus the time, and 3 s after 4 s.
+def test_exposed_and_integrated_times_add_up_critical_frames():
+    # The gap of 56 m closes at 8 m/s: the time to collision falls from 7 s to 3 s in 4 s.
     ego, target = Track(speed=28.0, body=BODY), Track(s=60.0, speed=20.0, body=BODY)
-    found = safety_features(case(ego, target, frames=120, road=ROAD))
-    assert found.tet[0] == pytest.approx(1.95, abs=0.051)
-    assert found.tit[0] == pytest.approx(0.5 * 1.95**2, abs=0.06)
-    assert at(found.leader.ttc, "manoeuvre") == pytest.approx(7.0 - 119 * 0.05, rel=1e-3)
+    measures = safety_features(case(ego, target, frames=120, road=ROAD))
+    assert measures.tet[0] == pytest.approx(1.95, abs=0.051)
+    assert measures.tit[0] == pytest.approx(0.5 * 1.95**2, abs=0.06)
+    assert value_at(measures.leader.ttc, "manoeuvre") == pytest.approx(7.0 - 119 * 0.05, rel=1e-3)
 
 
-def test_too_close_is_a_share_of_the_frames():
-    # 30 m at 28 m/s behind another: lawful is 28 m. Then the gap closes at 1 m/s.
+def test_the_share_below_the_safe_distance_counts_frames():
+    # The gap begins at 40 m and closes at 1 m/s; at equal speeds of 28 m/s 28 m are lawful.
     ego, target = Track(speed=28.0, body=BODY), Track(s=44.0, speed=27.0, body=BODY)
-    one = case(ego, target, frames=401, road=ROAD)
-    found = safety_features(one)
-    margin = one.signals.gap[0, NeighbourRole.LEADER]
-    assert 0.0 < found.share_below_safe_distance[0] < 1.0
+    drive = case(ego, target, frames=401, road=ROAD)
+    measures = safety_features(drive)
+    gap = drive.signals.gap[0, NeighbourRole.LEADER]
+    assert 0.0 < measures.share_below_safe_distance[0] < 1.0
     # The safe distance grows by (28^2 - 27^2) / (2 b) only, so it is between these two.
-    assert (margin < 28.0).mean() <= found.share_below_safe_distance[0] <= (margin < 33.0).mean()
+    assert (gap < 28.0).mean() <= measures.share_below_safe_distance[0] <= (gap < 33.0).mean()
 
 
-def test_the_overtaken_vehicle_arrives_where_the_ego_returned():
-    one = overtake()
-    found = safety_features(one)
-    gap = gap_at(one, "return_end")
-    assert found.return_pet[0] == pytest.approx(gap / 20.0, rel=1e-3)
-    assert np.isinf(found.entry_pet[0])
+def test_the_overtaken_vehicle_sets_the_post_encroachment_time_of_the_return():
+    drive = overtake()
+    measures = safety_features(drive)
+    gap = gap_at(drive, "return_end")
+    assert measures.return_pet[0] == pytest.approx(gap / 20.0, rel=1e-3)
+    assert np.isinf(measures.entry_pet[0])
 
 
 @pytest.mark.parametrize("leaves", [False, True])
-def test_the_vehicle_behind_arrives_where_the_ego_entered_if_it_stays(leaves: bool):
-    one = overtake(Track(s=-60.0, lane=1, speed=30.0, body=BODY))
-    time = int(one.events.line_crossed[0]) * 0.05
+def test_the_vehicle_behind_sets_the_post_encroachment_time_of_the_entry_if_it_stays(leaves: bool):
+    drive = overtake(Track(s=-60.0, lane=1, speed=30.0, body=BODY))
+    time = int(drive.events.line_crossed[0]) * 0.05
     lane = ramp((time + 0.2, 1), (time + 1.0, 2), frames=FRAMES) if leaves else 1
-    one = overtake(Track(s=-60.0, lane=lane, speed=30.0, body=BODY))
+    drive = overtake(Track(s=-60.0, lane=lane, speed=30.0, body=BODY))
     gap = 60.0 - 2.0 * time - 4.0
     expected = np.inf if leaves else gap / 30.0
-    assert safety_features(one).entry_pet[0] == pytest.approx(expected, rel=1e-3)
+    assert safety_features(drive).entry_pet[0] == pytest.approx(expected, rel=1e-3)
 
 
-def test_looming_is_the_growth_of_the_angle():
+def test_looming_is_the_rate_of_the_visual_angle():
     gap, closing, width, step = 25.0, 6.0, 1.8, 1e-3
     angles = [2.0 * np.arctan(width / (2.0 * (gap - closing * t))) for t in (-step, step)]
-    measured = looming(np.float32(gap), np.float32(closing), np.float32(width))
-    assert float(measured) == pytest.approx((angles[1] - angles[0]) / (2 * step), rel=1e-4)
+    looming_rate = looming(np.float32(gap), np.float32(closing), np.float32(width))
+    assert float(looming_rate) == pytest.approx((angles[1] - angles[0]) / (2 * step), rel=1e-4)
 
 
 @pytest.fixture(scope="module")
@@ -146,28 +150,28 @@ def simulated():
     return label(ot.simulate(ot.sample("pinto2023-physical", num_simulations=64, seed=11)))
 
 
-def test_the_worst_is_the_worst_of_every_frame(simulated):
-    one = case_from_trajectories(simulated.trajectories)
-    span = judged_span(one)
+def test_the_worst_values_are_the_extremes_over_all_frames(simulated):
+    judged = case_from_trajectories(simulated.trajectories)
+    span = judged_span(judged)
     for k in range(0, 64, 5):
         frames = np.arange(span.first[k], span.last[k] + 1)
         rows = np.full(len(frames), k)
-        for name, place in (("leader", NeighbourRole.LEADER), ("follower", NeighbourRole.FOLLOWER)):
-            each = encounters_at(one, place, rows, frames)
+        for name, role in (("leader", NeighbourRole.LEADER), ("follower", NeighbourRole.FOLLOWER)):
+            encounters = encounters_at(judged, role, rows, frames)
             worst = getattr(simulated.safety, name)
-            assert worst.valid[k, 0] == each.valid.any()
-            if not each.valid.any():
+            assert worst.valid[k, 0] == encounters.valid.any()
+            if not encounters.valid.any():
                 continue
             for field in ("gap", "time_gap", "ttc", "mttc"):
-                lowest = getattr(each, field)[each.valid].min()
+                lowest = getattr(encounters, field)[encounters.valid].min()
                 assert getattr(worst, field)[k, 0] == lowest
-            assert worst.drac[k, 0] == each.drac[each.valid].max()
+            assert worst.drac[k, 0] == encounters.drac[encounters.valid].max()
 
 
-def test_a_row_is_there_for_every_moment_that_came(simulated):
+def test_the_safety_table_has_a_row_for_every_moment_that_occurred(simulated):
     table = safety_table(simulated, np.arange(64))
     events = simulated.events
-    came = sum(int((getattr(events, name) != NEVER).sum()) for name in MEASURED_MOMENTS[1:])
-    assert table.num_rows == came + int((simulated.safety.frame[:, 0] != NEVER).sum())
+    num_moments = sum(int((getattr(events, name) != NEVER).sum()) for name in MEASURED_MOMENTS[1:])
+    assert table.num_rows == num_moments + int((simulated.safety.frame[:, 0] != NEVER).sum())
     times = table["leader_ttc_s"].drop_null().to_numpy()
     assert np.isfinite(times).all()

@@ -1,4 +1,4 @@
-"""Criteria: their sentences print their numbers, and their error formulas are their errors."""
+"""Criteria print their numbers in their sentences, and their error formulas give their errors."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ BY_HAND = [
         math.hypot(math.sqrt(2.0) * SP, 3.0 * SV),
     ),
     ("L28", lambda: behind(kind="T", speed=10.0, road=two_way_road()), math.sqrt(2.0) * SP),
-    # At 30 m/s; the braking distance is that of `GAP_ERROR`.
+    # At 30 m/s, with the braking distance of `GAP_ERROR`.
     ("L14", lambda: behind(), (1.0 + 30.0 / DECEL) * SV),
     # From the line crossing to the return it takes 50 frames of 0.05 s; 1 s is added.
     ("L15", sight_of_300_m, (2.5 + 1.0) * SV),
@@ -231,7 +231,7 @@ def test_an_error_formula_names_numbers_of_the_law_by_their_fields():
 
 
 @pytest.mark.parametrize(("lanes", "expected"), [(1, Verdict.ILLEGAL), (2, Verdict.LEGAL)])
-def test_a_law_says_how_many_lanes_to_the_left_one_passes(lanes, expected):
+def test_a_law_sets_the_number_of_lanes_to_the_left_for_passing(lanes, expected):
     criterion = PassingSide(max_lanes_left=lanes)
     case = passing(2, events=BESIDE | {"original_lane": 0})
     assert criterion.check(case).verdict[0] == expected

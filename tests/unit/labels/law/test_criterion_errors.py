@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 RULES = {rule.code: rule for rule in (*PORTUGAL.rules, *GERMANY.rules)}
 CHANGE_OF_LANE = ramp((4, 0), (6, 1), frames=200)
-"""The ego crosses the line in frame 100; the frames up to 160 are judged by L23."""
+"""The ego crosses the line in frame 100; L23 judges the frames up to 160."""
 
 
 def error_of(code: str, case: Case, position_std: float = 0.0, speed_std: float = 0.0) -> float:
@@ -114,7 +114,7 @@ def test_a_large_gap_is_legal_also_where_the_speed_may_be_too_low_for_the_rule()
     assert measured.verdict[0] == Verdict.LEGAL
 
 
-def test_the_severity_of_a_line_is_the_one_of_its_law():
+def test_each_law_has_its_own_severity_for_crossing_a_line():
     # The line between the directions becomes continuous before the ego is back.
     breach = lined((450.0, 600.0, RoadMark.SOLID))
     assert RULES["S1"].criterion.check(breach).severity[0] == Severity.NONE

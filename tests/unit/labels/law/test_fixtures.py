@@ -1,4 +1,4 @@
-"""Each rule on overtakes written by hand: lawful, unlawful, not applicable, undecidable."""
+"""Each rule on overtakes written by hand: legal, illegal, not applicable, undecidable."""
 
 from __future__ import annotations
 
@@ -69,9 +69,9 @@ def test_an_unknown_input_changes_only_rules_that_name_it(name):
         if name in rule.required_inputs | rule.conditional_inputs
     }
     for make_case in (overtake, crossing):
-        known = judge_pack(PORTUGAL, make_case())
-        unknown = judge_pack(PORTUGAL, make_case(unknown=(name,)))
-        changed = np.array(known.rule_codes)[(known.verdict != unknown.verdict)[0]]
+        complete = judge_pack(PORTUGAL, make_case())
+        incomplete = judge_pack(PORTUGAL, make_case(unknown=(name,)))
+        changed = np.array(complete.rule_codes)[(complete.verdict != incomplete.verdict)[0]]
         assert {*changed.tolist()} <= codes_with_input
 
 

@@ -15,7 +15,7 @@ from overtaking.labels.law.rule import TextSource
 from overtaking.model.verdicts import Severity, Verdict
 
 
-def test_each_rule_has_its_article_and_how_its_text_is_known():
+def test_each_rule_has_an_article_a_source_and_the_state_of_its_text():
     assert not {*GERMANY.codes} & {*PORTUGAL.codes}
     assert len({rule.id for rule in GERMANY.rules}) == len(GERMANY.rules)
     for rule in GERMANY.rules:
@@ -29,7 +29,7 @@ def test_each_rule_has_its_article_and_how_its_text_is_known():
     }
 
 
-def test_no_policy_asks_for_a_rule_whose_text_was_not_read():
+def test_no_policy_requires_a_rule_whose_text_was_not_read():
     rules = {rule.code: rule for rule in GERMANY.rules}
     for policy in policies_of_law("de"):
         assert all(rules[code].text_source is TextSource.READ for code in policy.required)
@@ -38,38 +38,39 @@ def test_no_policy_asks_for_a_rule_whose_text_was_not_read():
 
 @pytest.mark.parametrize(("seconds", "margin"), [(1.0, 2.0), (2.9, 0.1), (3.1, -0.1), (5.0, -2.0)])
 def test_a_short_distance_is_fined_after_three_seconds(seconds, margin):
-    # The leader is 25 m ahead at 108 km/h, and jumps away after so long; 3 s are for regaining it.
-    away = 3.05 + seconds
-    speed = ramp((away, 30.0), (away + 0.05, 90.0), frames=200)
-    one = case(Track(speed=30.0), Track(s=26.5 + 4.4, speed=speed), events={})
-    said = judge_pack(GERMANY, one)
-    value = float(said.margin[0, said.rule_codes.index("A2")])
-    assert value == pytest.approx(margin, abs=0.11)
+    # The leader is 26.5 m ahead at 108 km/h. The driver has 3 s to regain the distance; the leader
+    # jumps away after 3 s and the tested duration.
+    departure_time = 3.05 + seconds
+    speed = ramp((departure_time, 30.0), (departure_time + 0.05, 90.0), frames=200)
+    following = case(Track(speed=30.0), Track(s=26.5 + 4.4, speed=speed), events={})
+    findings = judge_pack(GERMANY, following)
+    fined_margin = float(findings.margin[0, findings.rule_codes.index("A2")])
+    assert fined_margin == pytest.approx(margin, abs=0.11)
 
 
-def test_by_140_m_who_is_very_fast_has_less_time():
+def test_the_fine_counts_after_140_m_at_a_speed_at_which_they_take_less_than_3_s():
     # 140 m take 2.33 s at 216 km/h.
-    one = behind(50.0, 60.0)
-    said = judge_pack(GERMANY, one)
-    margin = said.margin[0, said.rule_codes.index("A2")]
-    near = int(one.events.last[0]) - 60
-    assert margin == pytest.approx(140.0 / 60.0 - near * 0.05, abs=0.06)
+    following = behind(50.0, 60.0)
+    findings = judge_pack(GERMANY, following)
+    margin = findings.margin[0, findings.rule_codes.index("A2")]
+    num_close_frames = int(following.events.last[0]) - 60
+    assert margin == pytest.approx(140.0 / 60.0 - num_close_frames * 0.05, abs=0.06)
 
 
 @pytest.mark.parametrize(
     ("speed", "severity"),
     [(34.0, Severity.LIGHT), (39.5, Severity.SERIOUS), (45.0, Severity.VERY_SERIOUS)],
 )
-def test_severity_by_excess_of_speed(speed, severity):
+def test_the_severity_grows_with_the_excess_over_the_speed_limit(speed, severity):
     findings = judge_pack(GERMANY, alone(ego={"speed": speed}))
     assert findings.severity[0, findings.rule_codes.index("V2")] == severity
 
 
 def test_a_lawful_overtake_is_lawful_under_every_policy():
-    one = overtake()
-    said = judge_pack(GERMANY, one)
+    lawful_overtake = overtake()
+    findings = judge_pack(GERMANY, lawful_overtake)
     for policy in policies_of_law("de"):
-        law = assess_legality(said, policy, GERMANY, one)
-        codes = np.array(said.rule_codes)[said.verdict[0] == Verdict.ILLEGAL]
-        assert law.is_legal[0], (policy.name, codes)
-        assert law.num_undecidable[0] == 0
+        legality = assess_legality(findings, policy, GERMANY, lawful_overtake)
+        broken_codes = np.array(findings.rule_codes)[findings.verdict[0] == Verdict.ILLEGAL]
+        assert legality.is_legal[0], (policy.name, broken_codes)
+        assert legality.num_undecidable[0] == 0

@@ -1,4 +1,4 @@
-"""Stretches of frames against the same worked out one frame at a time."""
+"""Findings over spans of frames against a loop over single frames."""
 
 from __future__ import annotations
 
@@ -28,62 +28,72 @@ margins = st.lists(
 
 @st.composite
 def spans(draw: st.DrawFn) -> tuple[np.ndarray, FrameSpan]:
-    values = np.array(draw(margins), np.float32)
-    n = len(values)
+    margin_values = np.array(draw(margins), np.float32)
+    n = len(margin_values)
     start = draw(st.lists(st.integers(0, FRAMES - 1), min_size=n, max_size=n))
     length = draw(st.lists(st.integers(0, FRAMES), min_size=n, max_size=n))
     stop = np.minimum(np.add(start, length) - 1, FRAMES - 1)
-    return values, FrameSpan(first=np.array(start, np.int32), last=stop.astype(np.int32))
+    return margin_values, FrameSpan(first=np.array(start, np.int32), last=stop.astype(np.int32))
 
 
 def by_hand(values: np.ndarray, start: int, stop: int) -> tuple[object, ...]:
     """Verdict, margin, first and last frame of one simulation."""
-    inside = [(k, values[k]) for k in range(start, stop + 1)]
-    if not inside:
+    frames_in_span = [(k, values[k]) for k in range(start, stop + 1)]
+    if not frames_in_span:
         return Verdict.NOT_APPLICABLE, 0.0, NEVER, NEVER
-    broken = [k for k, value in inside if value < 0]
-    low = min(value for _, value in inside)
-    if not broken:
-        return Verdict.LEGAL, low, NEVER, NEVER
-    return Verdict.ILLEGAL, low, broken[0], broken[-1]
+    breach_frames = [k for k, value in frames_in_span if value < 0]
+    smallest = min(value for _, value in frames_in_span)
+    if not breach_frames:
+        return Verdict.LEGAL, smallest, NEVER, NEVER
+    return Verdict.ILLEGAL, smallest, breach_frames[0], breach_frames[-1]
 
 
 @given(spans())
-def test_a_margin_that_may_never_be_negative(given_):
-    values, span = given_
+def test_a_negative_margin_in_a_span_is_a_breach_from_its_first_to_its_last_negative_frame(
+    values_and_span,
+):
+    values, span = values_and_span
     dense = finding_over_span(values, span)
     rows, frames = span.instants()
     sparse = finding_at_instants(values[rows, frames], rows, frames, len(values))
     for k, row in enumerate(values):
         expected = by_hand(row, int(span.first[k]), int(span.last[k]))
-        for found in (dense, sparse):
-            said = found.verdict[k], found.margin[k], found.first_frame[k], found.last_frame[k]
-            assert said == expected
+        for finding in (dense, sparse):
+            result = (
+                finding.verdict[k],
+                finding.margin[k],
+                finding.first_frame[k],
+                finding.last_frame[k],
+            )
+            assert result == expected
 
 
 @given(spans())
-def test_a_span_has_the_frames_from_its_start_to_its_stop(given_):
-    values, span = given_
-    every = np.arange(len(values))
-    mask = span.mask(every, FRAMES)
+def test_a_span_has_the_frames_from_its_start_to_its_stop(values_and_span):
+    values, span = values_and_span
+    simulations = np.arange(len(values))
+    mask = span.mask(simulations, FRAMES)
     rows, frames = span.instants()
     assert np.argwhere(mask).tolist() == np.stack([rows, frames], axis=1).tolist()
-    for k in every[span.is_nonempty]:
+    for k in simulations[span.is_nonempty]:
         assert reduce_span(np.maximum, values, span)[k] == values[k][mask[k]].max()
 
 
-def test_in_a_batch_every_fixture_is_judged_as_it_is_alone():
+def test_a_fixture_has_the_same_finding_in_a_batch_and_alone():
     groups: dict[object, list[Case]] = {}
     for _, _, _, make in FIXTURES:
-        one = make()
-        shape = one.trajectories.states.s.shape
-        key = (repr(one.trajectories.road), one.trajectories.unknown, shape)
-        groups.setdefault(key, []).append(one)
+        fixture = make()
+        shape = fixture.trajectories.states.s.shape
+        key = (repr(fixture.trajectories.road), fixture.trajectories.unknown, shape)
+        groups.setdefault(key, []).append(fixture)
     assert max(len(cases) for cases in groups.values()) > 20
     for cases in groups.values():
-        together = judge_pack(PORTUGAL, concatenate(cases))
-        for k, one in enumerate(cases):
-            alone = judge_pack(PORTUGAL, one)
+        batch_findings = judge_pack(PORTUGAL, concatenate(cases))
+        for k, fixture in enumerate(cases):
+            single_findings = judge_pack(PORTUGAL, fixture)
             for name in ("verdict", "margin", "first_frame", "last_frame", "severity", "belief"):
-                whole, part = getattr(together, name)[k], getattr(alone, name)[0]
-                assert whole.tolist() == part.tolist(), name
+                in_batch, single = (
+                    getattr(batch_findings, name)[k],
+                    getattr(single_findings, name)[0],
+                )
+                assert in_batch.tolist() == single.tolist(), name
