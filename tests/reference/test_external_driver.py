@@ -1,4 +1,4 @@
-"""Another driver of the ego: the same on both engines, and the built-in ego is one of them."""
+"""External drivers of the ego: equal on both engines, and equal to the built-in ego."""
 
 from __future__ import annotations
 
@@ -46,40 +46,43 @@ SHORTER = {
 
 
 def scenes(count: int, profile: str = "pinto2023-physical", **changes: object):
-    given = load_specification(profile, SHORT | changes)
-    return ScenarioSource(given, load_road(given.road), 4).sample(np.arange(count, dtype=np.uint64))
+    specification = load_specification(profile, SHORT | changes)
+    return ScenarioSource(specification, load_road(specification.road), 4).sample(
+        np.arange(count, dtype=np.uint64)
+    )
 
 
 def random_actions(kind: str, shape: tuple[int, int], seed: int = 1) -> Actions:
-    """Actions that change every half second, mostly within what a driver would do."""
+    """Actions that change every half second, mostly within the range of a human driver."""
     limits = {
         "move": (0, 6),
         "accel": (-3000, 2500),
         "lane_change": (-1, 2),
         "wheel_angle": (-40, 40),
     }
-    draw = np.random.default_rng(seed)
+    generator = np.random.default_rng(seed)
     values = np.zeros((*shape, MAX_ACTION_PARTS), np.int32)
-    for place, part in enumerate(ACTION_KINDS[kind]):
-        few = draw.integers(*limits[part.name], (shape[0], -(-shape[1] // 10)))
-        values[:, :, place] = np.repeat(few, 10, axis=1)[:, : shape[1]]
+    for column, part in enumerate(ACTION_KINDS[kind]):
+        held_values = generator.integers(*limits[part.name], (shape[0], -(-shape[1] // 10)))
+        values[:, :, column] = np.repeat(held_values, 10, axis=1)[:, : shape[1]]
     return Actions(values=values, kind=kind)
 
 
 @pytest.mark.parametrize("kind", ACTION_KINDS)
 def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
     scenario = scenes(12, **SHORTER)
-    given = step_parameters(scenario)
+    parameters = step_parameters(scenario)
     actions = random_actions(kind, (12, 161))
-    expected = reference.run(scenario, given, actions=actions)
+    expected = reference.run(scenario, parameters, actions=actions)
     for level in [name for name, available in _core.simd_levels() if available]:
-        found = engine.run(scenario, given, actions=actions, level=level)
-        assert not (wrong := difference(found, expected)), f"{level}: {wrong}"
-    own = engine.run(scenario, given)
-    assert (expected.trace_hash != own.trace_hash).any(axis=1).sum() > 6
+        run = engine.run(scenario, parameters, actions=actions, level=level)
+        assert not (mismatch := difference(run, expected)), f"{level}: {mismatch}"
+    built_in_run = engine.run(scenario, parameters)
+    assert (expected.trace_hash != built_in_run.trace_hash).any(axis=1).sum() > 6
 
 
-# No kind of action depends on the view: each kind meets one, and each view at least one kind.
+# No kind of action depends on the observation. Each kind is tested with one of these, and each of
+# these with at least one kind.
 VIEWS = [("pinto2023-physical", False), ("pinto2023-physical", True), ("pinto2023", False)]
 
 
@@ -88,38 +91,40 @@ VIEWS = [("pinto2023-physical", False), ("pinto2023-physical", True), ("pinto202
     [(kind, *view) for kind, view in zip(ACTION_KINDS, cycle(VIEWS), strict=False)],
 )
 def test_both_engines_observe_the_same_bits(kind, profile, observes_truth):
-    given = step_parameters(scenes(10, profile, **SHORTER))
+    parameters = step_parameters(scenes(10, profile, **SHORTER))
     values = random_actions(kind, (10, 161), seed=2).values
-    pair = [
-        new_stepper(given, kind, observes_truth=observes_truth, simulator=name)
+    steppers = [
+        new_stepper(parameters, kind, observes_truth=observes_truth, simulator=name)
         for name in ("engine", "reference")
     ]
-    (table, runs, _), (expected, still, _) = (one.observe_start() for one in pair)
-    at, now = 0, np.zeros((10, MAX_ACTION_PARTS), np.int32)
-    while still.any():
-        np.testing.assert_array_equal(runs, still)
-        np.testing.assert_array_equal(table, expected, err_msg=f"decision {at}")
-        hold = 1 + at % 3
-        now = np.ascontiguousarray(values[:, at])
-        stepped, reference_stepped = (one.step(now, hold) for one in pair)
+    (table, runs, _), (expected, expected_runs, _) = (
+        stepper.observe_start() for stepper in steppers
+    )
+    decision, actions = 0, np.zeros((10, MAX_ACTION_PARTS), np.int32)
+    while expected_runs.any():
+        np.testing.assert_array_equal(runs, expected_runs)
+        np.testing.assert_array_equal(table, expected, err_msg=f"decision {decision}")
+        hold = 1 + decision % 3
+        actions = np.ascontiguousarray(values[:, decision])
+        stepped, reference_stepped = (stepper.step(actions, hold) for stepper in steppers)
         np.testing.assert_array_equal(stepped.num_decisions, reference_stepped.num_decisions)
-        (table, runs, _), (expected, still, _) = stepped, reference_stepped
-        at += hold
-    assert at > 100
+        (table, runs, _), (expected, expected_runs, _) = stepped, reference_stepped
+        decision += hold
+    assert decision > 100
     assert not runs.any()
     assert table.any()
     np.testing.assert_array_equal(table, expected, err_msg="those that have ended last")
-    (table, *_), (expected, *_) = (one.step(now, 1) for one in pair)
+    (table, *_), (expected, *_) = (stepper.step(actions, 1) for stepper in steppers)
     assert not table.any()
     assert not expected.any()
 
 
-def test_the_numbers_of_an_observation_have_their_names():
+def test_every_number_of_an_observation_has_a_name():
     assert _core.FIELD_NAMES["ego"] == tuple(EGO_COLUMNS)
     assert _core.FIELD_NAMES["neighbour"] == tuple(NEIGHBOUR_COLUMNS)
     assert _core.FIELD_NAMES["passing"] == tuple(PASSING_COLUMNS)
-    given = step_parameters(scenes(3))
-    table, runs, _ = new_stepper(given, "accel_lane", observes_truth=True).observe_start()
+    parameters = step_parameters(scenes(3))
+    table, runs, _ = new_stepper(parameters, "accel_lane", observes_truth=True).observe_start()
     assert table.shape == (3, OBSERVATION_SIZE)
     assert (
         len(EGO_COLUMNS) + len(NEIGHBOUR_ROLES) * len(NEIGHBOUR_COLUMNS) + len(PASSING_COLUMNS)
@@ -129,7 +134,7 @@ def test_the_numbers_of_an_observation_have_their_names():
     _, neighbours, passing = split_observation(table)
     for role in ("oncoming", "second_oncoming"):
         empty = NeighbourColumns._make(neighbours[0, NEIGHBOUR_ROLES.index(role)])
-        assert empty.gap == given.constants.unseen_gap
+        assert empty.gap == parameters.constants.unseen_gap
         assert not any(empty._replace(gap=np.zeros(1)))
     assert not passing.any()
 
@@ -145,47 +150,51 @@ HUMAN = Driver(function=HumanEgo(), observation="human", action="decision")
 
 
 @pytest.mark.parametrize("profile", ONE_WAY)
-def test_the_built_in_ego_as_a_policy_leaves_the_same_trace(profile):
-    given = load_specification(profile, {"time.horizon_s": 30.0, "time.attempt_deadline_s": 30.0})
-    scenario = ScenarioSource(given, load_road(given.road), 7).sample(
+def test_the_built_in_ego_as_a_policy_has_the_same_trace(profile):
+    specification = load_specification(
+        profile, {"time.horizon_s": 30.0, "time.attempt_deadline_s": 30.0}
+    )
+    scenario = ScenarioSource(specification, load_road(specification.road), 7).sample(
         np.arange(48, dtype=np.uint64)
     )
     expected = engine.run(scenario, step_parameters(scenario))
-    found = drive(scenario, HUMAN, engine.run)
+    driven = drive(scenario, HUMAN, engine.run)
     assert np.unique(expected.stage).size > 4
-    assert not difference(found.replace(actions=None), expected)
+    assert not difference(driven.replace(actions=None), expected)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("profile", ONE_WAY)
-def test_a_thousand_of_each_profile_leave_the_same_trace(profile):
-    given = load_specification(profile)
-    road, same = load_road(given.road), 0
+def test_a_thousand_simulations_of_each_profile_have_the_same_trace(profile):
+    specification = load_specification(profile)
+    road, num_same = load_road(specification.road), 0
     for first in range(0, 1000, 100):
-        scenario = ScenarioSource(given, road, 7).sample(
+        scenario = ScenarioSource(specification, road, 7).sample(
             np.arange(first, first + 100, dtype=np.uint64)
         )
         expected = engine.run(scenario, step_parameters(scenario)).trace_hash
-        same += int((drive(scenario, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())
-    assert same == 1000
+        num_same += int(
+            (drive(scenario, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum()
+        )
+    assert num_same == 1000
 
 
 @pytest.mark.soak
-def test_what_a_policy_does_does_not_depend_on_a_large_batch():
-    given = load_specification("pinto2023-physical")
-    scenario = ScenarioSource(given, load_road(given.road), 9).sample(
+def test_a_policy_drives_the_same_in_small_and_in_large_batches():
+    specification = load_specification("pinto2023-physical")
+    scenario = ScenarioSource(specification, load_road(specification.road), 9).sample(
         np.arange(4096, dtype=np.uint64)
     )
     whole = drive(scenario, HUMAN, engine.run)
     order = np.random.default_rng(5).permutation(4096)
-    small = [order[k : k + 16] for k in range(0, 256, 16)]
-    for part in (order, *small, *order[:64, None]):
-        found = drive(scenario.select(part), HUMAN, engine.run)
-        np.testing.assert_array_equal(found.trace_hash, whole.trace_hash[part])
+    small_batches = [order[k : k + 16] for k in range(0, 256, 16)]
+    for part in (order, *small_batches, *order[:64, None]):
+        driven = drive(scenario.select(part), HUMAN, engine.run)
+        np.testing.assert_array_equal(driven.trace_hash, whole.trace_hash[part])
 
 
-def test_the_driver_of_the_others_at_the_wheel_follows_as_the_built_in_one_does():
-    """Its pedals are those of the model's own driver who stays, but for the rounding of answers."""
+def test_the_mobil_driver_without_lane_changes_follows_like_the_built_in_driver():
+    """Its accelerations equal those of the built-in driver in its lane, except for rounding."""
     scenario, mobil = scenes(24, "motorway"), MobilDriver()
     mobil.reset(scenario)
     expected = branch(scenario, 0, decision=ForcedDecision.STAY)
@@ -193,36 +202,36 @@ def test_the_driver_of_the_others_at_the_wheel_follows_as_the_built_in_one_does(
         function=lambda observation: mobil(observation) * np.float32([1.0, 0.0]),
         observation="human",
     )
-    found = drive(scenario, stays, engine.run)
-    both = expected.frame_mask & found.frame_mask
-    apart = np.abs(found.states.s[:, 0] - expected.states.s[:, 0])
-    assert apart[both].max() < 100  # 0.1 m, after 15 s.
+    driven = drive(scenario, stays, engine.run)
+    in_both = expected.frame_mask & driven.frame_mask
+    distance = np.abs(driven.states.s[:, 0] - expected.states.s[:, 0])
+    assert distance[in_both].max() < 100  # 0.1 m, after 15 s.
     assert np.ptp(expected.states.speed[:, 0], axis=1).max() > 2000  # Some have to brake.
 
 
-def test_the_driver_of_the_others_changes_lanes_by_mobil():
+def test_the_mobil_driver_changes_lanes():
     scenario = scenes(48, "motorway")
-    found = drive(scenario, Driver(function=MobilDriver(), observation="human"), engine.run)
-    began = (found.stage == Stage.PULL_OUT).any(axis=1)
-    assert 3 <= began.sum() < 24
-    assert not (found.stage == Stage.CRASHED).any()
+    driven = drive(scenario, Driver(function=MobilDriver(), observation="human"), engine.run)
+    has_pulled_out = (driven.stage == Stage.PULL_OUT).any(axis=1)
+    assert 3 <= has_pulled_out.sum() < 24
+    assert not (driven.stage == Stage.CRASHED).any()
 
 
-def test_the_reference_lets_a_policy_do_the_same():
+def test_a_policy_drives_the_same_on_the_reference():
     scenario = scenes(8)
-    found = drive(scenario, HUMAN, reference.run, "reference")
-    assert not difference(found, drive(scenario, HUMAN, engine.run))
+    driven = drive(scenario, HUMAN, reference.run, "reference")
+    assert not difference(driven, drive(scenario, HUMAN, engine.run))
     expected = engine.run(scenario, step_parameters(scenario)).trace_hash
-    np.testing.assert_array_equal(found.trace_hash, expected)
+    np.testing.assert_array_equal(driven.trace_hash, expected)
 
 
-def test_what_a_policy_does_does_not_depend_on_the_batch():
+def test_a_policy_drives_the_same_in_any_batch():
     scenario = scenes(33)
     whole = drive(scenario, HUMAN, engine.run)
     order = np.random.default_rng(5).permutation(33)
     for part in (order, order[:16], np.array([32])):
-        found = drive(scenario.select(part), HUMAN, engine.run)
-        np.testing.assert_array_equal(found.trace_hash, whole.trace_hash[part])
-        assert found.actions
+        driven = drive(scenario.select(part), HUMAN, engine.run)
+        np.testing.assert_array_equal(driven.trace_hash, whole.trace_hash[part])
+        assert driven.actions
         assert whole.actions
-        assert found.actions.hashes == [whole.actions.hashes[one] for one in part]
+        assert driven.actions.hashes == [whole.actions.hashes[row] for row in part]

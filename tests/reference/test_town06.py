@@ -110,10 +110,10 @@ def test_roads_against_the_reference_line_lie_where_carla_puts_them(
     """Lanes with positive ids, at the file's station 2 m: waypoints of carla 0.9.16 as above."""
     road = load_road(maps / "Town06.xodr", road_id)
     index = [lane.lane_id for lane in road.lanes].index(lane_id)
-    found = road.to_world(road.length - 2.0, road.lane_centres[index])
-    np.testing.assert_allclose(found, (x, -y), rtol=0.0, atol=CENTIMETRE / 10.0)
-    turn = math.remainder(road.heading + math.radians(yaw_deg), math.tau)
-    assert turn == pytest.approx(0.0, abs=1e-6)
+    position = road.to_world(road.length - 2.0, road.lane_centres[index])
+    np.testing.assert_allclose(position, (x, -y), rtol=0.0, atol=CENTIMETRE / 10.0)
+    heading_error = math.remainder(road.heading + math.radians(yaw_deg), math.tau)
+    assert heading_error == pytest.approx(0.0, abs=1e-6)
     lane = road.lanes[index]
     assert (lane.right_mark, lane.left_mark) == (RoadMark(right), RoadMark(left))
 
@@ -123,31 +123,38 @@ def test_roads_against_the_reference_line_lie_where_carla_puts_them(
 
 def test_the_map_file_agrees_with_town06(maps: Path):
     """Lanes, widths, marks, handedness, and each lane centre to 1 cm at ten stations."""
-    facts, read = load_road("town06"), load_road(maps / "Town06.xodr", 40)
-    assert read.lanes == facts.lanes
-    assert [lane.lane_id for lane in read.lanes] == [-7, -6, -5, -4, -3]
-    assert read.driving_side is facts.driving_side is DrivingSide.RIGHT
-    assert read.overtaking_sign == facts.overtaking_sign == 1.0
-    for mine, theirs in (
-        (facts.kerb_side_neighbour, read.kerb_side_neighbour),
-        (facts.overtaking_side_neighbour, read.overtaking_side_neighbour),
+    known, mapped_road = load_road("town06"), load_road(maps / "Town06.xodr", 40)
+    assert mapped_road.lanes == known.lanes
+    assert [lane.lane_id for lane in mapped_road.lanes] == [-7, -6, -5, -4, -3]
+    assert mapped_road.driving_side is known.driving_side is DrivingSide.RIGHT
+    assert mapped_road.overtaking_sign == known.overtaking_sign == 1.0
+    for known_shoulder, mapped_shoulder in (
+        (known.kerb_side_neighbour, mapped_road.kerb_side_neighbour),
+        (known.overtaking_side_neighbour, mapped_road.overtaking_side_neighbour),
     ):
-        assert mine is not None
-        assert theirs is not None
-        assert (mine.lane_id, mine.kind, mine.width) == (theirs.lane_id, "shoulder", theirs.width)
-        assert (mine.left_mark, mine.right_mark) == (theirs.left_mark, theirs.right_mark)
-    stations = np.linspace(0.0, facts.length, 10)[:, None]
-    x, y = facts.to_world(stations, facts.lane_centres)
-    read_x, read_y = read.to_world(stations, read.lane_centres)
+        assert known_shoulder is not None
+        assert mapped_shoulder is not None
+        assert (known_shoulder.lane_id, known_shoulder.kind, known_shoulder.width) == (
+            mapped_shoulder.lane_id,
+            "shoulder",
+            mapped_shoulder.width,
+        )
+        assert (known_shoulder.left_mark, known_shoulder.right_mark) == (
+            mapped_shoulder.left_mark,
+            mapped_shoulder.right_mark,
+        )
+    stations = np.linspace(0.0, known.length, 10)[:, None]
+    x, y = known.to_world(stations, known.lane_centres)
+    mapped_x, mapped_y = mapped_road.to_world(stations, mapped_road.lane_centres)
     assert y.shape == (10, 5)
-    np.testing.assert_allclose(read_y, y, rtol=0.0, atol=CENTIMETRE)
-    np.testing.assert_allclose(read_x, x, rtol=0.0, atol=CENTIMETRE)
+    np.testing.assert_allclose(mapped_y, y, rtol=0.0, atol=CENTIMETRE)
+    np.testing.assert_allclose(mapped_x, x, rtol=0.0, atol=CENTIMETRE)
     # Half a centimetre over the whole length.
-    assert read.heading == pytest.approx(facts.heading, abs=CENTIMETRE / 2.0 / facts.length)
-    assert read.length == pytest.approx(facts.length, abs=CENTIMETRE)
+    assert mapped_road.heading == pytest.approx(known.heading, abs=CENTIMETRE / 2.0 / known.length)
+    assert mapped_road.length == pytest.approx(known.length, abs=CENTIMETRE)
 
 
-def test_left_is_left_in_the_map_file_too(maps: Path):
+def test_positive_lateral_offsets_are_on_the_left_in_the_map_file(maps: Path):
     """A step to the left of travel has a larger y in OpenDRIVE where travel is towards +x."""
     for road in (load_road("town06"), load_road(maps / "Town06.xodr", "40")):
         (x0, x1), (y0, y1) = road.to_world(np.array([0.0, 100.0]), np.array([0.0, 0.0]))
@@ -157,10 +164,10 @@ def test_left_is_left_in_the_map_file_too(maps: Path):
         assert left > y0
 
 
-def test_the_map_file_posts_its_own_limit(maps: Path):
-    """65 mph and "town", where the paper records 90 km/h: a caller can say so."""
-    read = load_road(maps / "Town06.xodr", 40)
-    assert (read.kind, read.speed_limit) == ("town", pytest.approx(65 * 0.44704))
+def test_the_map_file_has_its_own_speed_limit(maps: Path):
+    """65 mph and "town"; the paper records 90 km/h, which a caller can set."""
+    mapped_road = load_road(maps / "Town06.xodr", 40)
+    assert (mapped_road.kind, mapped_road.speed_limit) == ("town", pytest.approx(65 * 0.44704))
     assert load_road(maps / "Town06.xodr", 40, speed_limit=25.0).speed_limit == 25.0
 
 
@@ -172,7 +179,7 @@ MAPS = (
     "esmini_curves_elevation.xodr",
 )  # fmt: skip
 CURVATURES = ("curvStart", "curvEnd")
-STEP = 0.5  # Between the stations at which the text is asked [m].
+STEP = 0.5  # Distance between the stations at which the tests read the text [m].
 
 
 @cache
@@ -181,96 +188,107 @@ def survey(path: Path) -> dict[str, Road | ImportFormatError]:
 
 
 @cache
-def mapped(path: Path) -> list[MappedRoad]:
+def mapped_roads_of(path: Path) -> list[MappedRoad]:
     return list_opendrive_roads(path)
 
 
 @cache
-def texts(path: Path) -> dict[str, ET.Element]:
+def road_elements(path: Path) -> dict[str, ET.Element]:
     return {road.attrib["id"]: road for road in ET.parse(path).getroot().iter("road")}
 
 
-def held(entries: list[ET.Element], station: float, name: str = "s") -> ET.Element | None:
+def entry_at(entries: list[ET.Element], station: float, name: str = "s") -> ET.Element | None:
     """The last entry at a station or before it."""
-    before = [one for one in entries if float(one.get(name, "0")) <= station]
-    return before[-1] if before else None
+    entries_before = [entry for entry in entries if float(entry.get(name, "0")) <= station]
+    return entries_before[-1] if entries_before else None
 
 
 def polynomial(entries: list[ET.Element], station: float, name: str = "s") -> float:
-    entry = held(entries, station, name)
+    entry = entry_at(entries, station, name)
     if entry is None:
         return 0.0
-    x = station - float(entry.attrib[name])
-    return sum(float(entry.attrib[key]) * x**power for power, key in enumerate("abcd"))
+    offset = station - float(entry.attrib[name])
+    return sum(float(entry.attrib[key]) * offset**power for power, key in enumerate("abcd"))
 
 
-def marked(lane: ET.Element | None, ahead: float) -> str:
-    entry = None if lane is None else held(lane.findall("roadMark"), ahead, "sOffset")
+def mark_at(lane: ET.Element | None, offset: float) -> str:
+    entry = None if lane is None else entry_at(lane.findall("roadMark"), offset, "sOffset")
     return "none" if entry is None else entry.attrib["type"]
 
 
-def across(road: ET.Element, station: float, sign: int) -> list[tuple[str, float, float, str]]:
+def lanes_of_side(
+    road: ET.Element, station: float, sign: int
+) -> list[tuple[str, float, float, str]]:
     """Type, id, middle as t, width, and outer mark of the lanes of one side, from the text."""
-    section = held(road.findall("lanes/laneSection"), station)
+    section = entry_at(road.findall("lanes/laneSection"), station)
     assert section is not None
-    ahead = station - float(section.attrib["s"])
+    offset = station - float(section.attrib["s"])
     t = polynomial(road.findall("lanes/laneOffset"), station)
-    found = []
+    lanes = []
     side = "right" if sign < 0 else "left"
-    for lane in sorted(section.findall(f"{side}/lane"), key=lambda one: abs(int(one.attrib["id"]))):
-        width = polynomial(lane.findall("width"), ahead, "sOffset")
-        found.append((lane.attrib["type"], t + sign * width / 2.0, width, marked(lane, ahead)))
+    for lane in sorted(
+        section.findall(f"{side}/lane"), key=lambda lane: abs(int(lane.attrib["id"]))
+    ):
+        width = polynomial(lane.findall("width"), offset, "sOffset")
+        lanes.append((lane.attrib["type"], t + sign * width / 2.0, width, mark_at(lane, offset)))
         t += sign * width
-    return found
+    return lanes
 
 
-def look(road: ET.Element, station: float, sign: int) -> tuple[tuple, list[float]] | None:
-    """What must stay the same along a stretch: words, and numbers of which millimetres may differ.
+def appearance_at(road: ET.Element, station: float, sign: int) -> tuple[tuple, list[float]] | None:
+    """Words that stay the same along a stretch, and widths that may differ by millimetres.
 
-    None where no driving lane is of a width that the model has.
+    None where the driving lanes have a width outside the range of the model.
     """
-    lanes = across(road, station, sign)
-    driving = [k for k, one in enumerate(lanes) if one[0] == "driving"]
+    lanes = lanes_of_side(road, station, sign)
+    driving = [k for k, entry in enumerate(lanes) if entry[0] == "driving"]
     if not driving or not all(2.0 <= lanes[k][2] <= 6.0 for k in driving):
         return None
-    section = held(road.findall("lanes/laneSection"), station)
+    section = entry_at(road.findall("lanes/laneSection"), station)
     assert section is not None
-    ahead = station - float(section.attrib["s"])
-    centre = marked(section.find("center/lane"), ahead)
+    offset = station - float(section.attrib["s"])
+    centre = mark_at(section.find("center/lane"), offset)
     first, last = driving[0], driving[-1]
-    inside = [one for one in lanes[:first] if one[2] > 0.005]
-    beyond = [one for one in lanes[last + 1 :] if one[2] > 0.005]
-    other = [one for one in across(road, station, -sign) if one[2] > 0.005]
-    beside = inside[-1][0] if inside else f"across {other[0][0]}" if other else "nothing"
-    two_way = beside == "across driving"
+    inner_lanes = [entry for entry in lanes[:first] if entry[2] > 0.005]
+    outer_lanes = [entry for entry in lanes[last + 1 :] if entry[2] > 0.005]
+    lanes_across = [entry for entry in lanes_of_side(road, station, -sign) if entry[2] > 0.005]
+    inner_neighbour = (
+        inner_lanes[-1][0]
+        if inner_lanes
+        else f"across {lanes_across[0][0]}"
+        if lanes_across
+        else "nothing"
+    )
+    two_way = inner_neighbour == "across driving"
     line = lanes[first - 1][3] if first else centre
     words = (
-        len(driving), beside, beyond[0][0] if beyond else "", None if two_way else line,
-        tuple(one[3] for one in lanes[first : last + 1]),
+        len(driving), inner_neighbour, outer_lanes[0][0] if outer_lanes else "",
+        None if two_way else line,
+        tuple(entry[3] for entry in lanes[first : last + 1]),
     )  # fmt: skip
-    numbers = [one[2] for one in lanes[first : last + 1]]
-    return words, numbers + ([other[0][2]] if two_way else [])
+    numbers = [entry[2] for entry in lanes[first : last + 1]]
+    return words, numbers + ([lanes_across[0][2]] if two_way else [])
 
 
 @cache
-def longest(path: Path, road_id: str) -> tuple[int, float, float]:
-    """Side as a sign, first and last station of the longest stretch of equal looks."""
-    road = texts(path)[road_id]
+def longest_stretch(path: Path, road_id: str) -> tuple[int, float, float]:
+    """Side as a sign, first and last station of the longest stretch of equal appearance."""
+    road = road_elements(path)[road_id]
     length = float(road.attrib["length"])
     stations = np.append(np.arange(0.001, length, STEP), length - 0.001)
     sign = -1 if road.find("lanes/laneSection/right/lane[@type='driving']") is not None else 1
-    best, start, before = (0.0, 0.0), stations[0], None
+    best, start, previous = (0.0, 0.0), stations[0], None
     for k, station in enumerate(stations):
-        here = look(road, station, sign)
-        same = (
-            here is not None
-            and before is not None
-            and here[0] == before[0]
-            and np.allclose(here[1], before[1], rtol=0.0, atol=0.006)
+        appearance = appearance_at(road, station, sign)
+        is_same = (
+            appearance is not None
+            and previous is not None
+            and appearance[0] == previous[0]
+            and np.allclose(appearance[1], previous[1], rtol=0.0, atol=0.006)
         )
-        if not same:
-            start, before = station, here
-        if here is not None and station - start > best[1] - best[0]:
+        if not is_same:
+            start, previous = station, appearance
+        if appearance is not None and station - start > best[1] - best[0]:
             best = (start, stations[k])
     return sign, best[0], best[1]
 
@@ -280,35 +298,40 @@ REFUSED = {
     ("Town06.xodr", "7"): "<width> of lane -3 varies after s = 0.0 m",
     ("Town06.xodr", "15"): "<width> of lane -3 varies after s = 0.0 m",
 }
-"""The roads outside junctions that are not read: too sharp a bend, and tapers all along."""
+"""Roads outside junctions that the reader refuses: a too sharp bend, and tapers all along."""
 
 
 @pytest.mark.parametrize("name", MAPS)
 def test_every_road_is_read_or_refused_with_the_reason(maps: Path, name: str):
     verdicts = survey(maps / name)
-    assert list(verdicts) == list(texts(maps / name))
+    assert list(verdicts) == list(road_elements(maps / name))
     for road_id, verdict in verdicts.items():
-        junction = texts(maps / name)[road_id].attrib["junction"] != "-1"
-        reason = "belongs to a junction" if junction else REFUSED.get((name, road_id))
+        in_junction = road_elements(maps / name)[road_id].attrib["junction"] != "-1"
+        reason = "belongs to a junction" if in_junction else REFUSED.get((name, road_id))
         assert isinstance(verdict, Road) == (reason is None), str(verdict)
         if reason is not None:
             assert str(verdict).startswith(f"{name}: road {road_id}: line ")
             assert reason in str(verdict)
 
 
-def test_the_roads_that_are_read_are_counted(maps: Path):
+def test_the_numbers_of_roads_that_the_reader_accepts(maps: Path):
     """Roads in all, those outside junctions, those that are read, and those read from end to end.
 
     Before parts of roads were read, 37 of Town04 were, 60 of Town06, and none of `two_plus_one`.
     """
     counts = {}
     for name in MAPS:
-        found = mapped(maps / name)
-        parts = [road.part for road in found if road.part is not None]
-        outside = sum(not road.in_junction for road in found)
-        counts[name] = (len(found), outside, len(parts), sum(part.is_whole for part in parts))
-    one = dict.fromkeys(MAPS, (1, 1, 1, 1))
-    assert counts == one | {
+        mapped_roads = mapped_roads_of(maps / name)
+        parts = [road.part for road in mapped_roads if road.part is not None]
+        num_outside = sum(not road.in_junction for road in mapped_roads)
+        counts[name] = (
+            len(mapped_roads),
+            num_outside,
+            len(parts),
+            sum(part.is_whole for part in parts),
+        )
+    single_roads = dict.fromkeys(MAPS, (1, 1, 1, 1))
+    assert counts == single_roads | {
         "Town04.xodr": (276, 53, 52, 41),
         "Town06.xodr": (200, 72, 70, 60),
         "esmini_two_plus_one.xodr": (1, 1, 1, 0),
@@ -316,118 +339,124 @@ def test_the_roads_that_are_read_are_counted(maps: Path):
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_of_each_road_the_longest_stretch_is_read_on_which_it_stays_the_same(maps: Path, name: str):
-    for road in mapped(maps / name):
+def test_the_reader_takes_the_longest_stretch_of_equal_appearance_of_each_road(
+    maps: Path, name: str
+):
+    for road in mapped_roads_of(maps / name):
         if road.in_junction or REFUSED.get((name, road.road_id), "").startswith("expected"):
             continue
-        _, start, end = longest(maps / name, road.road_id)
+        _, start, end = longest_stretch(maps / name, road.road_id)
         if road.part is None:
-            # Where a taper begins or ends it changes by millimetres only.
+            # Where a taper begins or ends, the width changes by millimetres only.
             assert end - start < 10.0, road.road_id
             continue
-        at_least = end - start
-        found = road.part.end - road.part.start
-        # Between two stations of the text it may change.
-        assert found == pytest.approx(at_least, abs=2.0 * STEP), road.road_id
-        assert road.part.is_whole == (found > road.length - 0.01)
+        expected_length = end - start
+        part_length = road.part.end - road.part.start
+        # The appearance may change between two stations of the text.
+        assert part_length == pytest.approx(expected_length, abs=2.0 * STEP), road.road_id
+        assert road.part.is_whole == (part_length > road.length - 0.01)
 
 
-def placed(road: ET.Element, station: float, t: float) -> tuple[float, float]:
+def world_position(road: ET.Element, station: float, t: float) -> tuple[float, float]:
     """The point at a station and t to the left of the reference line, from the text alone.
 
-    OpenDRIVE 1.8, 9: the curvature of a line is 0, of an arc constant; the place is the integral
-    of the direction, here by Simpson's rule. A paramPoly3 is evaluated as it is written.
+    OpenDRIVE 1.8, 9: the curvature of a line is 0, of an arc constant; the position is the
+    integral of the direction, here by Simpson's rule. A paramPoly3 is evaluated as it is written.
     """
     pieces = road.findall("planView/geometry")
-    piece = [one for one in pieces if float(one.attrib["s"]) <= station][-1]
-    at = {key: float(value) for key, value in piece.attrib.items()}
-    shape, ahead = piece[0], station - at["s"]
+    piece = [entry for entry in pieces if float(entry.attrib["s"]) <= station][-1]
+    attributes = {key: float(value) for key, value in piece.attrib.items()}
+    shape, offset = piece[0], station - attributes["s"]
     if shape.tag == "paramPoly3":
         assert shape.attrib["pRange"] == "arcLength"
         u, v = (Polynomial([float(shape.attrib[key + axis]) for key in "abcd"]) for axis in "UV")
-        along, left = float(u(ahead)), float(v(ahead))
-        heading = math.atan2(v.deriv()(ahead), u.deriv()(ahead))
+        along, left = float(u(offset)), float(v(offset))
+        heading = math.atan2(v.deriv()(offset), u.deriv()(offset))
     else:
         begin, end = (float(shape.get(key, shape.get("curvature", "0"))) for key in CURVATURES)
-        way = np.linspace(0.0, ahead, 2001)
-        turned = begin * way + 0.5 * (end - begin) / at["length"] * way**2
-        step = ahead / 2000
+        distances = np.linspace(0.0, offset, 2001)
+        directions = begin * distances + 0.5 * (end - begin) / attributes["length"] * distances**2
+        step = offset / 2000
         along, left = (
-            float(simpson(np.cos(turned), dx=step)),
-            float(simpson(np.sin(turned), dx=step)),
+            float(simpson(np.cos(directions), dx=step)),
+            float(simpson(np.sin(directions), dx=step)),
         )
-        heading = float(turned[-1])
-    east, north = math.cos(at["hdg"]), math.sin(at["hdg"])
-    heading += at["hdg"]
+        heading = float(directions[-1])
+    east, north = math.cos(attributes["hdg"]), math.sin(attributes["hdg"])
+    heading += attributes["hdg"]
     return (
-        at["x"] + along * east - left * north - t * math.sin(heading),
-        at["y"] + along * north + left * east + t * math.cos(heading),
+        attributes["x"] + along * east - left * north - t * math.sin(heading),
+        attributes["y"] + along * north + left * east + t * math.cos(heading),
     )
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_every_lane_lies_where_its_text_says(maps: Path, name: str):
+def test_every_lane_lies_at_the_position_that_its_text_gives(maps: Path, name: str):
     """Ten stations of every lane that is read, bends and lane offsets and all."""
-    for road in mapped(maps / name):
+    for road in mapped_roads_of(maps / name):
         if road.road is None or road.part is None:
             continue
-        text, found = texts(maps / name)[road.road_id], road.road
+        text, read_road = road_elements(maps / name)[road.road_id], road.road
         stations = np.linspace(road.part.start, road.part.end, 12)[1:-1]
-        sign = 1 if found.lanes[0].lane_id > 0 else -1
-        middles, points = [placed(text, float(station), 0.0) for station in stations], []
+        sign = 1 if read_road.lanes[0].lane_id > 0 else -1
+        middles, points = [world_position(text, float(station), 0.0) for station in stations], []
         for station in stations:
-            # From the slow side, which is the outer one.
-            lanes = [one for one in across(text, station, sign) if one[0] == "driving"][::-1]
-            for lane, (_, t, width, _) in zip(found.lanes, lanes, strict=True):
-                assert lane.width == pytest.approx(width, abs=0.006)
-                points.append(placed(text, float(station), t))
-        s, d = found.to_road(*np.transpose(points))
-        where = np.tile(found.lane_centres, len(stations))
-        np.testing.assert_allclose(d, where, rtol=0.0, atol=CENTIMETRE, err_msg=road.road_id)
-        assert ((s >= 0.0) & (s <= found.length)).all()
-        passed, _ = found.to_road(*np.transpose(middles))
-        ahead = np.diff(passed) * -sign * found.overtaking_sign
-        assert (ahead > 0.0).all()
+            # The model counts lanes from the slow side, which is the outer one.
+            lanes = [lane for lane in lanes_of_side(text, station, sign) if lane[0] == "driving"][
+                ::-1
+            ]
+            for read_lane, (_, t, width, _) in zip(read_road.lanes, lanes, strict=True):
+                assert read_lane.width == pytest.approx(width, abs=0.006)
+                points.append(world_position(text, float(station), t))
+        s, d = read_road.to_road(*np.transpose(points))
+        expected_d = np.tile(read_road.lane_centres, len(stations))
+        np.testing.assert_allclose(d, expected_d, rtol=0.0, atol=CENTIMETRE, err_msg=road.road_id)
+        assert ((s >= 0.0) & (s <= read_road.length)).all()
+        stations_on_road, _ = read_road.to_road(*np.transpose(middles))
+        progress = np.diff(stations_on_road) * -sign * read_road.overtaking_sign
+        assert (progress > 0.0).all()
 
 
 @pytest.mark.parametrize(
     ("name", "ids"), [("Town04.xodr", ("41", "6", "45")), ("Town06.xodr", ("40", "71", "6"))]
 )
 def test_a_route_is_as_long_as_its_roads_and_lies_on_them(maps: Path, name: str, ids: tuple):
-    """Roads that lead to each other without a junction; some are drawn the other way round."""
+    """Roads that continue each other without a junction; some have the opposite direction."""
     road = load_road(maps / name, ",".join(ids))
     assert road.name == f"{name.removesuffix('.xodr')} roads {', '.join(ids)}"
-    roads = [texts(maps / name)[one] for one in ids]
-    lengths = [float(one.attrib["length"]) for one in roads]
+    roads = [road_elements(maps / name)[entry] for entry in ids]
+    lengths = [float(entry.attrib["length"]) for entry in roads]
     assert road.length == pytest.approx(sum(lengths), abs=0.1)
-    done = 0.0
+    length_so_far = 0.0
     for text, length in zip(roads, lengths, strict=True):
         sign = -1 if text.find("lanes/laneSection/right/lane[@type='driving']") is not None else 1
         stations = np.linspace(0.0, length, 7)[1:-1]
-        found = []
+        route_stations = []
         for station in stations:
-            lanes = [one for one in across(text, station, sign) if one[0] == "driving"]
+            lanes = [entry for entry in lanes_of_side(text, station, sign) if entry[0] == "driving"]
             for centre, (_, t, _, _) in zip(road.lane_centres, reversed(lanes), strict=True):
-                _, d = road.to_road(*placed(text, float(station), t))
+                _, d = road.to_road(*world_position(text, float(station), t))
                 assert d == pytest.approx(centre, abs=CENTIMETRE)
-            found.append(float(road.to_road(*placed(text, float(station), 0.0))[0]))
-        expected = done + (stations if sign < 0 else length - stations)
-        np.testing.assert_allclose(found, expected, atol=0.1)
-        done += length
+            route_stations.append(
+                float(road.to_road(*world_position(text, float(station), 0.0))[0])
+            )
+        expected = length_so_far + (stations if sign < 0 else length - stations)
+        np.testing.assert_allclose(route_stations, expected, atol=0.1)
+        length_so_far += length
 
 
 MPS = {"mph": 0.44704, "km/h": 1.0 / 3.6, "m/s": 1.0}
 
 
-def stated(road: ET.Element, station: float, sign: int) -> float:
+def limit_in_text(road: ET.Element, station: float, sign: int) -> float:
     """The limit of the driving lanes of a side, from the text [m/s]."""
-    section = held(road.findall("lanes/laneSection"), station)
+    section = entry_at(road.findall("lanes/laneSection"), station)
     assert section is not None
-    ahead = station - float(section.attrib["s"])
+    offset = station - float(section.attrib["s"])
     side = "right" if sign < 0 else "left"
     lanes = section.findall(f"{side}/lane[@type='driving']")
-    of_lanes = [held(lane.findall("speed"), ahead, "sOffset") for lane in lanes]
-    kind = held(road.findall("type"), station)
+    of_lanes = [entry_at(lane.findall("speed"), offset, "sOffset") for lane in lanes]
+    kind = entry_at(road.findall("type"), station)
     speed = of_lanes[0] if of_lanes and of_lanes[0] is not None else None
     if speed is None and kind is not None:
         speed = kind.find("speed")
@@ -437,50 +466,59 @@ def stated(road: ET.Element, station: float, sign: int) -> float:
 
 
 @pytest.mark.parametrize("name", MAPS)
-def test_every_limit_is_that_of_the_text_at_every_half_metre(maps: Path, name: str):
-    for road in mapped(maps / name):
+def test_every_speed_limit_equals_the_text_at_every_half_metre(maps: Path, name: str):
+    for road in mapped_roads_of(maps / name):
         if road.road is None or road.part is None:
             continue
-        text, found = texts(maps / name)[road.road_id], road.road
-        sign = 1 if found.lanes[0].lane_id > 0 else -1
+        text, read_road = road_elements(maps / name)[road.road_id], road.road
+        sign = 1 if read_road.lanes[0].lane_id > 0 else -1
         stations = np.arange(road.part.start + 0.1, road.part.end - 0.1, STEP)
-        along = (sign < 0) == (found.driving_side is DrivingSide.RIGHT)
-        span = road.part.end - road.part.start
-        ahead = stations - road.part.start if along else road.part.end - stations
-        for way in (1, -1) if found.is_two_way else (1,):
-            limits = [stated(text, float(station), way * sign) for station in stations]
-            here = found.speed_limit_at(ahead * found.length / span, way)
-            np.testing.assert_allclose(here, limits, rtol=1e-12, err_msg=road.road_id)
+        is_along = (sign < 0) == (read_road.driving_side is DrivingSide.RIGHT)
+        part_length = road.part.end - road.part.start
+        distances = stations - road.part.start if is_along else road.part.end - stations
+        for direction in (1, -1) if read_road.is_two_way else (1,):
+            limits = [limit_in_text(text, float(station), direction * sign) for station in stations]
+            limits_on_road = read_road.speed_limit_at(
+                distances * read_road.length / part_length, direction
+            )
+            np.testing.assert_allclose(limits_on_road, limits, rtol=1e-12, err_msg=road.road_id)
 
 
 @pytest.mark.parametrize(("ids", "mph"), [(("8", "2"), (30, 65)), (("46", "10"), (50, 55))])
-def test_a_route_over_roads_with_other_limits_has_those_of_the_text(
+def test_a_route_over_roads_with_different_limits_has_the_limits_of_the_text(
     maps: Path, ids: tuple[str, str], mph: tuple[int, int]
 ):
-    """Two pairs of roads of Town06 that were two roads as long as a road had one limit."""
+    """Two pairs of roads of Town06 with different limits."""
     road = load_road(maps / "Town06.xodr", ",".join(ids))
     assert road.speed_limit == pytest.approx(0.44704 * max(mph))
-    asked = [
+    samples = [
         (text, float(station), sign)
-        for text in (texts(maps / "Town06.xodr")[one] for one in ids)
+        for text in (road_elements(maps / "Town06.xodr")[entry] for entry in ids)
         for station in np.arange(0.3, float(text.attrib["length"]), STEP)
         for sign in (-1, 1)
     ]
-    lanes = [[one[1] for one in across(*each) if one[0] == "driving"] for each in asked]
-    points = [placed(*each[:2], t) for each, found in zip(asked, lanes, strict=True) for t in found]
+    lanes = [
+        [entry[1] for entry in lanes_of_side(*sample) if entry[0] == "driving"]
+        for sample in samples
+    ]
+    points = [
+        world_position(*sample[:2], t)
+        for sample, middles in zip(samples, lanes, strict=True)
+        for t in middles
+    ]
     s, d = road.to_road(*np.array(points).T)
-    near = np.abs(road.lane_centres - d[:, None]).min(axis=1) < CENTIMETRE
-    inside = (s >= 0.0) & (s <= road.length) & near
-    compared = []
-    place = 0
-    for each, found in zip(asked, lanes, strict=True):
-        here = slice(place, place := place + len(found))
-        if found and inside[here].all():
-            limit = stated(*each)
-            assert road.speed_limit_at(s[here][0]) == pytest.approx(limit, rel=1e-12)
-            compared.append(round(limit / 0.44704))
-    assert set(compared) == set(mph)
-    assert len(compared) > 0.9 * road.length / STEP
+    is_on_lane = np.abs(road.lane_centres - d[:, None]).min(axis=1) < CENTIMETRE
+    is_on_route = (s >= 0.0) & (s <= road.length) & is_on_lane
+    compared_limits = []
+    first = 0
+    for sample, middles in zip(samples, lanes, strict=True):
+        rows = slice(first, first := first + len(middles))
+        if middles and is_on_route[rows].all():
+            limit = limit_in_text(*sample)
+            assert road.speed_limit_at(s[rows][0]) == pytest.approx(limit, rel=1e-12)
+            compared_limits.append(round(limit / 0.44704))
+    assert set(compared_limits) == set(mph)
+    assert len(compared_limits) > 0.9 * road.length / STEP
 
 
 # ---- by name or by file ----
@@ -493,7 +531,7 @@ def test_a_road_is_loaded_by_name_or_by_file(maps: Path):
         load_road(maps / "Town06.xodr", 4000)
 
 
-def test_what_is_neither_a_name_nor_a_file_is_refused():
+def test_an_unknown_road_name_and_a_missing_file_are_refused():
     with pytest.raises(
         ConfigError, match="expected town06 or motorway or rural or an OpenDRIVE file"
     ):

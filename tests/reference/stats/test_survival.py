@@ -34,18 +34,18 @@ def test_freireichs_remissions_have_the_published_curve():
         lambda rows: any(event for _, event in rows)
     )
 )
-def test_any_curve_is_that_of_statsmodels(rows: list[tuple[int, bool]]):
+def test_any_curve_equals_statsmodels(rows: list[tuple[int, bool]]):
     from statsmodels.duration import survfunc
 
-    time = np.array([float(one) for one, _ in rows])
-    event = np.array([one for _, one in rows])
-    found = kaplan_meier(time, event)
+    time = np.array([float(value) for value, _ in rows])
+    event = np.array([value for _, value in rows])
+    curve = kaplan_meier(time, event)
     expected = survfunc.SurvfuncRight(time, event.astype(int))
-    np.testing.assert_array_equal(found.time, expected.surv_times)
-    np.testing.assert_allclose(found.survival, expected.surv_prob, atol=1e-12)
-    np.testing.assert_array_equal(found.at_risk, expected.n_risk)
-    sure = found.survival > 0
-    np.testing.assert_allclose(found.error[sure], expected.surv_prob_se[sure], atol=1e-12)
+    np.testing.assert_array_equal(curve.time, expected.surv_times)
+    np.testing.assert_allclose(curve.survival, expected.surv_prob, atol=1e-12)
+    np.testing.assert_array_equal(curve.at_risk, expected.n_risk)
+    sure = curve.survival > 0
+    np.testing.assert_allclose(curve.error[sure], expected.surv_prob_se[sure], atol=1e-12)
 
 
 def test_equal_weights_change_nothing():
@@ -54,7 +54,7 @@ def test_equal_weights_change_nothing():
     np.testing.assert_allclose(plain.error, weighted.error, rtol=1e-12)
 
 
-def test_a_weight_of_two_is_two_drivers():
+def test_a_weight_of_two_counts_as_two_drivers():
     weight = np.where(np.arange(21) % 2 == 0, 2.0, 1.0)
     twice = np.repeat(np.arange(21), weight.astype(int))
     weighted, repeated = (
@@ -65,7 +65,7 @@ def test_a_weight_of_two_is_two_drivers():
     assert (weighted.error[:-1] >= repeated.error[:-1]).all()
 
 
-def test_limits_are_those_of_scipy():
+def test_confidence_limits_equal_scipy():
     from scipy.stats import CensoredData, ecdf
 
     data = CensoredData(uncensored=WEEKS[RELAPSED], right=WEEKS[~RELAPSED])
@@ -76,7 +76,7 @@ def test_limits_are_those_of_scipy():
     assert ((curve.low < curve.survival) & (curve.survival < curve.high)).all()
 
 
-def test_nobody_who_never_began_counts_as_begun():
+def test_drivers_without_an_attempt_are_censored():
     frame = synthetic_features()
     curve = waiting_time(prepare(frame, policy="paper"))
     assert curve is not None
@@ -86,7 +86,7 @@ def test_nobody_who_never_began_counts_as_begun():
     assert mean_of_all < 8.0
 
 
-def test_a_collision_before_any_attempt_ends_the_waiting_without_one():
+def test_a_collision_before_any_attempt_censors_the_waiting_time():
     frame = synthetic_features()
     crashed = frame.index[frame["CLASS"] == "Unsuccess_col"][:10]
     before = waiting_time(prepare(frame, policy="paper"))
@@ -98,6 +98,6 @@ def test_a_collision_before_any_attempt_ends_the_waiting_without_one():
     assert after.num_censored == before.num_censored + 10
 
 
-def test_drawn_waiting_times_have_no_curve():
+def test_matched_and_missing_waiting_times_have_no_curve():
     assert waiting_time(prepare(synthetic_features(), policy="matched")) is None
     assert waiting_time(prepare(synthetic_features().assign(WT=np.nan), policy="paper")) is None
