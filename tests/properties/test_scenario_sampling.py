@@ -1,4 +1,4 @@
-"""What holds for every specification, seed and batch of scenarios."""
+"""Properties of scenarios for every specification, seed and batch."""
 
 import dataclasses
 
@@ -30,8 +30,8 @@ def arrays(batch, prefix=""):
             yield from arrays(value, f"{prefix}{field.name}.")
 
 
-def assert_same(one, other):
-    for (name, left), (_, right) in zip(arrays(one), arrays(other), strict=True):
+def assert_same(left_batch, right_batch):
+    for (name, left), (_, right) in zip(arrays(left_batch), arrays(right_batch), strict=True):
         assert left.dtype == right.dtype, name
         assert left.shape == right.shape, name
         assert left.tobytes() == right.tobytes(), name
@@ -62,21 +62,21 @@ def specifications(draw):
 @given(SEEDS, st.lists(st.integers(0, 2**64 - 1), min_size=1, max_size=30))
 def test_a_scenario_is_the_same_in_any_batch(seed, numbers):
     together = ScenarioSource(PINTO, TOWN06, seed).sample(np.array(numbers, np.uint64))
-    place = len(numbers) // 2
-    alone = ScenarioSource(PINTO, TOWN06, seed).sample(np.array([numbers[place]], np.uint64))
-    assert_same(together.select(np.array([place])), alone)
+    row = len(numbers) // 2
+    alone = ScenarioSource(PINTO, TOWN06, seed).sample(np.array([numbers[row]], np.uint64))
+    assert_same(together.select(np.array([row])), alone)
     backwards = ScenarioSource(PINTO, TOWN06, seed).sample(np.array(numbers[::-1], np.uint64))
     assert_same(together.select(slice(None, None, -1)), backwards)
 
 
-def test_a_scenario_is_the_same_whatever_block_it_falls_into():
+def test_a_scenario_is_the_same_in_any_block_of_the_sampler():
     together = ScenarioSource(PINTO, TOWN06, 1).sample(np.arange(BLOCK_SIZE + 100))
     later = ScenarioSource(PINTO, TOWN06, 1).sample(np.arange(BLOCK_SIZE - 50, BLOCK_SIZE + 50))
     assert_same(together.select(slice(BLOCK_SIZE - 50, BLOCK_SIZE + 50)), later)
 
 
 def test_simulation_57_does_not_depend_on_the_largest_number_of_vehicles():
-    # Each slot has streams of its own, so more slots only add vehicles.
+    # Each slot has its own random streams, so more slots only add vehicles.
     fixed = {"starts.allow_doomed": True, "starts.min_gap_m": 3.0}
     few, many = (
         ScenarioSource(
@@ -87,7 +87,7 @@ def test_simulation_57_does_not_depend_on_the_largest_number_of_vehicles():
         for n in (3, 6)
     )
     for name in ("kind", "colour", "length", "mass", "tyre_wear"):
-        left, right = (getattr(one.vehicles, name)[:, :3] for one in (few, many))
+        left, right = (getattr(batch.vehicles, name)[:, :3] for batch in (few, many))
         np.testing.assert_array_equal(left, right)
     np.testing.assert_array_equal(few.drivers.time_gap[:, :3], many.drivers.time_gap[:, :3])
     np.testing.assert_array_equal(few.weather.preset, many.weather.preset)
@@ -96,32 +96,34 @@ def test_simulation_57_does_not_depend_on_the_largest_number_of_vehicles():
 @pytest.mark.ci
 @settings(max_examples=40)
 @given(specifications(), SEEDS)
-def test_every_start_keeps_what_its_specification_asks(given_spec, seed):
-    batch = ScenarioSource(given_spec, TOWN06, seed).sample(np.arange(64))
+def test_every_start_lies_within_the_ranges_of_its_specification(specification, seed):
+    batch = ScenarioSource(specification, TOWN06, seed).sample(np.arange(64))
     valid, s, lane = batch.vehicles.valid, batch.start_s, batch.start_lane
-    fewest, most = given_spec.traffic.vehicles
+    fewest, most = specification.traffic.vehicles
     assert fewest <= batch.num_vehicles.min() <= batch.num_vehicles.max() <= most
     assert np.all(valid[:, :2])
     assert np.all(lane[:, 0] == lane[:, 1])
     assert np.all(lane[:, 0] < TOWN06.num_lanes - 1)
-    low, high = given_spec.traffic.spawn_s_m
+    low, high = specification.traffic.spawn_s_m
     assert np.all((s[valid] > low - 1e-3) & (s[valid] < high + 1e-3))
-    slowest = min(given_spec.traffic.speed_kmh[0], given_spec.traffic.leader_speed_kmh[0])
-    fastest = max(given_spec.traffic.speed_kmh[1], given_spec.traffic.leader_speed_kmh[1])
+    slowest = min(specification.traffic.speed_kmh[0], specification.traffic.leader_speed_kmh[0])
+    fastest = max(specification.traffic.speed_kmh[1], specification.traffic.leader_speed_kmh[1])
     speed_kmh = batch.start_speed[valid] * 3.6
     assert np.all((speed_kmh > slowest - 1e-3) & (speed_kmh < fastest + 1e-3))
-    half = 0.5 * batch.vehicles.length
-    for one in range(batch.num_slots):
-        for other in range(one):
-            both = valid[:, one] & valid[:, other] & (lane[:, one] == lane[:, other])
-            apart = np.abs(s[:, one] - s[:, other]) - half[:, one] - half[:, other]
-            assert np.all(apart[both] > given_spec.starts.min_gap_m - 1e-3)
+    half_length = 0.5 * batch.vehicles.length
+    for first in range(batch.num_slots):
+        for second in range(first):
+            in_same_lane = valid[:, first] & valid[:, second] & (lane[:, first] == lane[:, second])
+            gap = (
+                np.abs(s[:, first] - s[:, second]) - half_length[:, first] - half_length[:, second]
+            )
+            assert np.all(gap[in_same_lane] > specification.starts.min_gap_m - 1e-3)
 
 
 @settings(max_examples=20)
 @given(specifications(), SEEDS)
-def test_every_number_is_finite_and_of_the_agreed_shape(given_spec, seed):
-    batch = ScenarioSource(given_spec, TOWN06, seed).sample(np.arange(16))
+def test_every_number_is_finite_and_of_the_agreed_shape(specification, seed):
+    batch = ScenarioSource(specification, TOWN06, seed).sample(np.arange(16))
     for name, values in arrays(batch):
         assert values.shape in ((16,), (16, batch.num_slots)), name
         assert np.all(np.isfinite(values)), name
@@ -132,14 +134,14 @@ def test_every_number_is_finite_and_of_the_agreed_shape(given_spec, seed):
 @pytest.mark.ci
 @settings(max_examples=20)
 @given(SEEDS)
-def test_another_seed_is_another_batch(seed):
-    one = ScenarioSource(PINTO, TOWN06, seed).sample(np.arange(8))
-    other = ScenarioSource(PINTO, TOWN06, (seed + 1) % 2**64).sample(np.arange(8))
-    assert np.all(one.start_s[one.vehicles.valid] > 0)
-    assert not np.array_equal(one.start_s, other.start_s)
+def test_another_seed_gives_another_batch(seed):
+    batch = ScenarioSource(PINTO, TOWN06, seed).sample(np.arange(8))
+    other_seed_batch = ScenarioSource(PINTO, TOWN06, (seed + 1) % 2**64).sample(np.arange(8))
+    assert np.all(batch.start_s[batch.vehicles.valid] > 0)
+    assert not np.array_equal(batch.start_s, other_seed_batch.start_s)
 
 
-def test_an_empty_batch_is_a_batch():
+def test_an_empty_batch_has_the_shape_of_its_specification():
     empty = ScenarioSource(PINTO, TOWN06, 1).sample([])
     assert empty.num_simulations == 0
     assert isinstance(PINTO.traffic, PlacedTraffic)
@@ -147,18 +149,18 @@ def test_an_empty_batch_is_a_batch():
 
 
 @pytest.mark.parametrize("index", [[-1], [0.5], [[0, 1]], 3, ["a"]])
-def test_numbers_of_simulations_are_checked(index):
+def test_invalid_numbers_of_simulations_are_refused(index):
     with pytest.raises(ConfigError, match="a list of whole numbers from 0 on"):
         ScenarioSource(PINTO, TOWN06, 1).sample(index)
 
 
 @pytest.mark.parametrize("seed", [-1, 2**64])
-def test_the_seed_is_checked(seed):
+def test_an_invalid_seed_is_refused(seed):
     with pytest.raises(ConfigError, match="seed"):
         ScenarioSource(PINTO, TOWN06, seed).sample([0])
 
 
-def test_the_batch_carries_what_the_specification_says():
+def test_the_batch_has_the_times_and_the_name_of_its_specification():
     batch = ScenarioSource(PINTO, TOWN06, 7).sample([3, 1])
     assert (batch.profile, batch.seed, batch.frame_interval_ms) == ("pinto2023-physical", 7, 50)
     np.testing.assert_array_equal(batch.scenario_index, np.array([3, 1], np.uint64))

@@ -1,4 +1,4 @@
-"""Compiled draws and elementary functions are the readable ones, bit for bit."""
+"""Compiled draws and elementary functions equal the readable ones bit for bit."""
 
 from __future__ import annotations
 
@@ -14,42 +14,42 @@ from overtaking.core import float32_math, native, random_numbers
 LEVELS = [name for name, available in _core.simd_levels() if available]
 
 WORD, LONG = st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1)
-LENGTH = st.integers(0, 40)  # Blocks of sixteen, with and without a rest.
+LENGTH = st.integers(0, 40)  # Blocks of sixteen, with and without a remainder.
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @settings(max_examples=60, deadline=None)
 @given(seed=LONG, first=LONG, stream=WORD, draw=WORD, length=LENGTH)
-def test_words_are_those_of_the_readable_generator(level, seed, first, stream, draw, length):
+def test_compiled_words_equal_the_readable_generator(level, seed, first, stream, draw, length):
     step = np.arange(length, dtype=np.uint64)
     with np.errstate(over="ignore"):
         index, streams = np.uint64(first) + step, np.uint32(stream) + step.astype(np.uint32)
     expected = random_numbers.philox_words(seed, index, streams, draw)
-    found = _core.random_words(seed=seed, index=index, stream=streams, draw=draw, level=level)
-    assert [one.tolist() for one in found] == [one.tolist() for one in expected]
+    compiled = _core.random_words(seed=seed, index=index, stream=streams, draw=draw, level=level)
+    assert [words.tolist() for words in compiled] == [words.tolist() for words in expected]
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @settings(max_examples=60, deadline=None)
 @given(arrays.arrays(np.float32, LENGTH, elements=st.floats(-1e3, 1e3, width=32)))
-def test_exponentials_are_those_of_the_readable_function(level, values):
-    found = values.copy()
-    _core.exp_in_place(found, level=level)
-    assert found.tobytes() == float32_math.exp(values).astype(np.float32).tobytes()
+def test_compiled_exponentials_equal_the_readable_function(level, values):
+    compiled = values.copy()
+    _core.exp_in_place(compiled, level=level)
+    assert compiled.tobytes() == float32_math.exp(values).astype(np.float32).tobytes()
 
 
 @pytest.mark.parametrize("level", LEVELS)
 @settings(max_examples=60, deadline=None)
 @given(arrays.arrays(np.float32, LENGTH, elements=st.floats(-1.0, 2.0**99, width=32)))
-def test_logarithms_are_those_of_the_readable_function(level, values):
-    found = values.copy()
-    _core.log_in_place(found, level=level)
-    assert found.tobytes() == float32_math.log(values).astype(np.float32).tobytes()
+def test_compiled_logarithms_equal_the_readable_function(level, values):
+    compiled = values.copy()
+    _core.log_in_place(compiled, level=level)
+    assert compiled.tobytes() == float32_math.log(values).astype(np.float32).tobytes()
 
 
 @settings(max_examples=60, deadline=None)
 @given(arrays.arrays(np.uint32, LENGTH, elements=WORD))
-def test_uniform_numbers_are_those_of_the_readable_function(words):
+def test_compiled_uniform_numbers_equal_the_readable_function(words):
     assert (
         _core.uniform_numbers(words).tobytes()
         == random_numbers.uniform_from_word(words).astype(np.float32).tobytes()
@@ -62,25 +62,34 @@ NUMBERS = arrays.arrays(np.float32, (3, 7), elements=NUMBER)
 
 @pytest.mark.parametrize("name", ["maximum", "minimum", "power"])
 @settings(max_examples=60, deadline=None)
-@given(NUMBERS, NUMBERS | NUMBERS.map(lambda some: some[:, 2]) | NUMBER.map(np.float32))
-def test_two_numbers_give_what_they_give_in_the_readable_function(name, values, others):
-    """The sign of a zero counts, as do arrays that are spread over others and single numbers."""
-    others = others[:, None] if others.shape == (3,) else others
+@given(NUMBERS, NUMBERS | NUMBERS.map(lambda numbers: numbers[:, 2]) | NUMBER.map(np.float32))
+def test_compiled_functions_of_two_numbers_equal_the_readable_functions(
+    name, values, second_values
+):
+    """The sign of a zero counts; arrays are broadcast, also single numbers."""
+    second_values = second_values[:, None] if second_values.shape == (3,) else second_values
     values = np.abs(values) if name == "power" else values
-    ours, theirs = getattr(native, name), getattr(float32_math, name)
-    for one, other in ((values, others), (others, values), (values.T, np.transpose(others))):
+    compiled_function, readable_function = getattr(native, name), getattr(float32_math, name)
+    for left, right in (
+        (values, second_values),
+        (second_values, values),
+        (values.T, np.transpose(second_values)),
+    ):
         with np.errstate(invalid="ignore"):
-            found, expected = ours(one, other), theirs(one, other).astype(np.float32)
-        assert found.shape == expected.shape
-        assert found.dtype == np.float32
-        assert np.ascontiguousarray(found).tobytes() == expected.tobytes()
+            compiled, expected = (
+                compiled_function(left, right),
+                readable_function(left, right).astype(np.float32),
+            )
+        assert compiled.shape == expected.shape
+        assert compiled.dtype == np.float32
+        assert np.ascontiguousarray(compiled).tobytes() == expected.tobytes()
 
 
 @settings(max_examples=60, deadline=None)
 @given(NUMBERS, NUMBERS | NUMBER.map(np.float32), NUMBERS | NUMBER.map(np.float32))
-def test_limits_are_those_of_the_readable_function(values, low, high):
-    found, expected = native.clamp(values, low, high), float32_math.clamp(values, low, high)
-    assert found.tobytes() == expected.astype(np.float32).tobytes()
+def test_compiled_clamping_equals_the_readable_function(values, low, high):
+    compiled, expected = native.clamp(values, low, high), float32_math.clamp(values, low, high)
+    assert compiled.tobytes() == expected.astype(np.float32).tobytes()
 
 
 @pytest.mark.parametrize("name", ["maximum_in_place", "minimum_in_place"])
@@ -92,7 +101,7 @@ def test_others_of_another_length_are_refused(name):
 @pytest.mark.parametrize("level", LEVELS)
 @settings(max_examples=60, deadline=None)
 @given(seed=LONG, length=LENGTH)
-def test_normal_numbers_are_those_of_the_readable_function(level, seed, length):
+def test_compiled_normal_numbers_equal_the_readable_function(level, seed, length):
     index = np.arange(length, dtype=np.uint64)
     u, v = (
         random_numbers.uniform_from_word(word)
@@ -100,23 +109,24 @@ def test_normal_numbers_are_those_of_the_readable_function(level, seed, length):
     )
     expected = random_numbers.box_muller(u, v)
     _core.normal_pairs_in_place(u, v, level=level)
-    assert [u.tobytes(), v.tobytes()] == [one.tobytes() for one in expected]
+    assert [u.tobytes(), v.tobytes()] == [numbers.tobytes() for numbers in expected]
 
 
-def test_draws_follow_each_other_and_have_the_shape_of_what_was_asked():
+def test_successive_compiled_draws_equal_the_readable_stream():
     index, slots = np.arange(5, dtype=np.uint64)[:, None], np.arange(3, dtype=np.uint32) + 0x200
     draws, expected = (
-        one(2**64 - 1, index, slots) for one in (native.PhiloxStream, random_numbers.PhiloxStream)
+        stream(2**64 - 1, index, slots)
+        for stream in (native.PhiloxStream, random_numbers.PhiloxStream)
     )
     for _ in range(3):
-        for asked in ("next_word", "normal", "uniform"):
-            one, other = getattr(draws, asked)(), getattr(expected, asked)()
-            assert one.shape == (5, 3)
-            assert one.dtype == other.dtype
-            np.testing.assert_array_equal(one, other)
+        for method in ("next_word", "normal", "uniform"):
+            drawn, readable = getattr(draws, method)(), getattr(expected, method)()
+            assert drawn.shape == (5, 3)
+            assert drawn.dtype == readable.dtype
+            np.testing.assert_array_equal(drawn, readable)
 
 
-def test_what_is_given_stays_as_it_is():
+def test_compiled_functions_do_not_change_their_arguments():
     u, v = np.full(3, 0.25, np.float32), np.full(3, 0.75, np.float32)
     native.box_muller(u, v)
     for changed in (native.exp, native.log):
@@ -125,14 +135,14 @@ def test_what_is_given_stays_as_it_is():
     assert (u.tolist(), v.tolist()) == ([0.25] * 3, [0.75] * 3)
 
 
-def test_numbers_in_any_order_in_memory_are_taken_as_they_stand():
+def test_compiled_functions_accept_any_memory_order():
     values = np.arange(12, dtype=np.float32).reshape(3, 4).T
     np.testing.assert_array_equal(native.exp(values), float32_math.exp(values))
     np.testing.assert_array_equal(native.exp(np.float32(1.0)), float32_math.exp(np.float32(1.0)))
 
 
 @pytest.mark.parametrize("level", ["none", "neon" if "neon" not in LEVELS else "avx2"])
-def test_a_level_that_this_machine_lacks_is_refused(level):
+def test_an_unsupported_simd_level_is_refused(level):
     with pytest.raises(ValueError, match="level"):
         _core.exp_in_place(np.zeros(1, np.float32), level=level)
 

@@ -32,7 +32,7 @@ pytestmark = pytest.mark.ci
 LEVELS = [name for name, available in _core.simd_levels() if available]
 
 each_situation = pytest.mark.parametrize(
-    "situation", SITUATIONS, ids=lambda one: one.name.replace(" ", "-")
+    "situation", SITUATIONS, ids=lambda item: item.name.replace(" ", "-")
 )
 
 
@@ -44,15 +44,15 @@ def simulated(situation: Situation) -> Trajectories:
 @pytest.mark.parametrize(
     "situation",
     [*SITUATIONS, *FURTHER, *WRITTEN],
-    ids=lambda one: one.name.replace(" ", "-"),
+    ids=lambda item: item.name.replace(" ", "-"),
 )
 def test_engine_and_reference_record_the_same_bits(situation):
     scenario = situation.scenario(situation.share)
     expected = situation.run(scenario, reference.run)
     for level in LEVELS:
         run = partial(engine.run, level=level)
-        assert not (found := difference(situation.run(scenario, run), expected)), (
-            f"{level}: {found}"
+        assert not (mismatch := difference(situation.run(scenario, run), expected)), (
+            f"{level}: {mismatch}"
         )
 
 
@@ -66,41 +66,43 @@ CROWDED = {
 
 
 @pytest.mark.parametrize("vehicles", [[9, 16], [17, 32]])
-def test_the_same_bits_come_out_of_sixteen_and_of_thirty_two_slots(vehicles):
+def test_engine_and_reference_record_the_same_bits_with_16_and_32_slots(vehicles):
     crowded = load_specification("pinto2023-physical", CROWDED | {"traffic.vehicles": vehicles})
     scenario = ScenarioSource(crowded, load_road("motorway"), 4).sample(
         np.arange(18, dtype=np.uint64)
     )
     assert scenario.num_slots == vehicles[1]
-    given = step_parameters(scenario)
-    expected = reference.run(scenario, given)
+    parameters = step_parameters(scenario)
+    expected = reference.run(scenario, parameters)
     assert expected.num_frames.max() == 81
     for level in LEVELS:
-        found = difference(engine.run(scenario, given, level=level), expected)
-        assert not found, f"{level}: {found}"
+        mismatch = difference(engine.run(scenario, parameters, level=level), expected)
+        assert not mismatch, f"{level}: {mismatch}"
 
 
-def test_further_situations_are_what_they_are_called():
-    told, *met, two_way, winding, meeting = FURTHER
-    pushes = step_parameters(told.scenario(told.share)).simulations.push_accel
+def test_further_situations_show_the_events_in_their_names():
+    pushed, *lane_changing, two_way, winding, curved_two_way = FURTHER
+    pushes = step_parameters(pushed.scenario(pushed.share)).simulations.push_accel
     assert (pushes != 0).all()
-    for situation in met:
+    for situation in lane_changing:
         lane = simulated(situation).states.lane.astype(int)
-        changed = (np.diff(lane, axis=2) != 0) & (lane[:, :, 1:] < 3)
-        assert changed.any(axis=2).sum() >= 5  # Vehicles that change lanes.
+        is_lane_change = (np.diff(lane, axis=2) != 0) & (lane[:, :, 1:] < 3)
+        assert is_lane_change.any(axis=2).sum() >= 5  # Vehicles that change lanes.
     run = simulated(two_way)
     assert (step_parameters(run.scenario).vehicles.travel_sign < 0).any()
     assert (run.stage == Stage.PULL_OUT).any()
     assert simulated(winding).road.is_curved
-    run = simulated(meeting)
+    run = simulated(curved_two_way)
     assert run.road.is_curved
     assert run.road.is_two_way
     assert (run.stage == Stage.ABORT).any()
-    assert (run.states.lights & int(Lights.HIGH_BEAM)).any()  # Somebody flashes at the ego.
+    assert (
+        run.states.lights & int(Lights.HIGH_BEAM)
+    ).any()  # An oncoming driver flashes at the ego.
 
 
 @pytest.mark.parametrize("slots", SLOT_CAPACITIES)
-def test_slots_that_hold_nobody_change_nothing(slots):
+def test_empty_slots_change_nothing(slots):
     whole = simulated(SITUATIONS[0])
     scenario = with_slots(whole.scenario, slots)
     for level in LEVELS:
@@ -109,23 +111,23 @@ def test_slots_that_hold_nobody_change_nothing(slots):
 
 
 def with_slots(scenario: Scenario, slots: int) -> Scenario:
-    """The same simulations with more slots, in which there is nobody."""
+    """The same simulations with more, empty slots."""
 
-    def wider(values: np.ndarray) -> np.ndarray:
-        more = np.repeat(values[:, -1:], slots - values.shape[1], axis=1)
-        return np.concatenate([values, more], axis=1)
+    def add_slots(values: np.ndarray) -> np.ndarray:
+        empty_slots = np.repeat(values[:, -1:], slots - values.shape[1], axis=1)
+        return np.concatenate([values, empty_slots], axis=1)
 
-    def widened(batch: Any) -> Any:
-        names = [one.name for one in dataclasses.fields(batch)]
-        return batch.replace(**{name: wider(getattr(batch, name)) for name in names})
+    def with_more_slots(batch: Any) -> Any:
+        names = [field.name for field in dataclasses.fields(batch)]
+        return batch.replace(**{name: add_slots(getattr(batch, name)) for name in names})
 
-    vehicles = widened(scenario.vehicles)
-    nobody = np.arange(slots) >= scenario.num_slots
+    vehicles = with_more_slots(scenario.vehicles)
+    is_empty_slot = np.arange(slots) >= scenario.num_slots
     return scenario.replace(
-        vehicles=vehicles.replace(valid=vehicles.valid & ~nobody),
-        drivers=widened(scenario.drivers),
+        vehicles=vehicles.replace(valid=vehicles.valid & ~is_empty_slot),
+        drivers=with_more_slots(scenario.drivers),
         **{
-            name: wider(getattr(scenario, name))
+            name: add_slots(getattr(scenario, name))
             for name in ("start_s", "start_lane", "start_speed")
         },
     )
@@ -146,34 +148,34 @@ def test_a_simulation_is_the_same_in_any_batch(situation):
         np.testing.assert_array_equal(part.states.x, whole.states.x[3 : 3 + size, :, :longest])
 
 
-def test_memory_that_is_used_again_leaves_no_trace():
+def test_reused_memory_changes_nothing():
     buffers = Buffers()
-    for situation in sorted(SITUATIONS, key=lambda one: -simulated(one).states.x.size):
+    for situation in sorted(SITUATIONS, key=lambda situation: -simulated(situation).states.x.size):
         expected = simulated(situation)
-        run = lambda *given: engine.run(*given, buffers=buffers)  # noqa: E731
+        run = lambda *arguments: engine.run(*arguments, buffers=buffers)  # noqa: E731
         assert not difference(situation.run(expected.scenario, run), expected)
 
 
-def test_behind_the_end_of_a_simulation_there_is_nothing_whatever_was_in_the_memory():
-    given, buffers = load_specification("pinto2023-physical"), Buffers()
-    road, lengths = load_road(given.road), []
+def test_frames_after_the_end_of_a_simulation_are_zero_in_reused_memory():
+    specification, buffers = load_specification("pinto2023-physical"), Buffers()
+    road, num_frames = load_road(specification.road), []
     for first in range(0, 192, 48):
         index = np.arange(first, first + 48, dtype=np.uint64)
-        run = engine.simulate(ScenarioSource(given, road, 3).sample(index), buffers=buffers)
-        there = run.frame_mask[:, None] & run.scenario.vehicles.valid[:, :, None]
+        run = engine.simulate(ScenarioSource(specification, road, 3).sample(index), buffers=buffers)
+        is_recorded = run.frame_mask[:, None] & run.scenario.vehicles.valid[:, :, None]
         for field in dataclasses.fields(run.states):
-            assert not getattr(run.states, field.name)[~there].any(), field.name
-        lengths.append(run.num_frames.copy())
-    assert (lengths[0] > lengths[1]).any()  # Something was there before.
+            assert not getattr(run.states, field.name)[~is_recorded].any(), field.name
+        num_frames.append(run.num_frames.copy())
+    assert (num_frames[0] > num_frames[1]).any()  # The buffers held longer simulations before.
 
 
-def test_what_was_recorded_cannot_be_overwritten():
+def test_recorded_states_are_read_only():
     run = simulated(SITUATIONS[0])
     with pytest.raises(ValueError, match="read-only"):
         run.states.x[0, 0, 0] = 1
 
 
-def test_the_situations_show_everything_that_the_model_does():
+def test_the_situations_contain_all_stages_manoeuvres_and_vehicle_kinds():
     runs = [simulated(situation) for situation in SITUATIONS]
     assert sum(len(run.num_frames) for run in runs) == SMALL
     stages = set(np.concatenate([run.stage[run.frame_mask] for run in runs]))
@@ -192,12 +194,14 @@ def test_the_situations_show_everything_that_the_model_does():
 
 def test_the_situations_have_collisions_of_every_kind():
     runs = [simulated(situation) for situation in SITUATIONS]
-    hit = [run.contacts.partner != 255 for run in runs]
-    assert sum(int(one[:, 0].sum()) for one in hit) >= 10  # The ego and another one.
-    assert sum(int((one.any(axis=1) & ~one[:, 0]).sum()) for one in hit) >= 3  # Two others.
+    hits = [run.contacts.partner != 255 for run in runs]
+    assert sum(int(is_hit[:, 0].sum()) for is_hit in hits) >= 10  # The ego and another one.
+    assert (
+        sum(int((is_hit.any(axis=1) & ~is_hit[:, 0]).sum()) for is_hit in hits) >= 3
+    )  # Two others.
     two_wheelers = sum(
-        int((one & run.scenario.vehicles.two_wheeler).sum())
-        for one, run in zip(hit, runs, strict=True)
+        int((is_hit & run.scenario.vehicles.two_wheeler).sum())
+        for is_hit, run in zip(hits, runs, strict=True)
     )
     assert two_wheelers >= 3
 
@@ -212,25 +216,42 @@ def hash_in_plain_integers(run: Trajectories, n: int) -> list[int]:
         return ((number << bits) | (number >> (32 - bits))) & low
 
     def mix(numbers: list[int]) -> None:
-        for at, number in enumerate(numbers):
-            total = (state[at % 4] + (number % word) * prime_2) % word
-            state[at % 4] = rotated(total, 13) * prime_1 % word
+        for position, number in enumerate(numbers):
+            total = (state[position % 4] + (number % word) * prime_2) % word
+            state[position % 4] = rotated(total, 13) * prime_1 % word
 
     valid = np.flatnonzero(run.scenario.vehicles.valid[n])
     states = {
-        name.name: getattr(run.states, name.name)[n] for name in dataclasses.fields(run.states)
+        field.name: getattr(run.states, field.name)[n] for field in dataclasses.fields(run.states)
     }
     for frame in range(int(run.num_frames[n])):
         for slot in valid:
             mix([int(values[slot, frame]) for values in states.values()])
         mix([int(run.stage[n, frame]), int(run.collided_with[n, frame]), frame, 0])
-    c, p = run.contacts, run.percepts
+    contacts, percepts = run.contacts, run.percepts
     for slot in valid:
-        mix([int(values[n, slot]) for values in (c.partner, c.time, c.impulse, c.closing_speed)])
-    triples = (p.slot, p.is_detected, p.gap, p.closing_speed, p.true_gap, p.true_closing_speed)
-    for k in np.flatnonzero(p.valid[n]):
+        mix(
+            [
+                int(values[n, slot])
+                for values in (
+                    contacts.partner,
+                    contacts.time,
+                    contacts.impulse,
+                    contacts.closing_speed,
+                )
+            ]
+        )
+    triples = (
+        percepts.slot,
+        percepts.is_detected,
+        percepts.gap,
+        percepts.closing_speed,
+        percepts.true_gap,
+        percepts.true_closing_speed,
+    )
+    for k in np.flatnonzero(percepts.valid[n]):
         words = [int(values[n, k, column]) for column in range(3) for values in triples]
-        mix([int(p.kind[n, k]), int(p.time[n, k]), *words])
+        mix([int(percepts.kind[n, k]), int(percepts.time[n, k]), *words])
     total = [(state[k] + rotated(state[(k + 1) % 4], 7)) % word for k in range(4)]
     total = [(number ^ (number >> 15)) * prime_2 % word for number in total]
     total = [(number ^ (number >> 13)) * prime_3 % word for number in total]
@@ -238,8 +259,8 @@ def hash_in_plain_integers(run: Trajectories, n: int) -> list[int]:
 
 
 @pytest.mark.parametrize("name", ["study", "storm", "left-hand traffic"])
-def test_the_trace_hash_is_that_of_the_recorded_integers(name):
-    run = simulated(next(one for one in SITUATIONS if one.name == name))
+def test_the_trace_hash_follows_its_definition_in_plain_integers(name):
+    run = simulated(next(situation for situation in SITUATIONS if situation.name == name))
     interesting = np.argsort(
         -run.percepts.valid.sum(axis=1) - 5 * (run.contacts.partner != 255).any(axis=1)
     )
@@ -256,16 +277,16 @@ def test_a_branch_without_a_change_is_the_undisturbed_simulation(situation):
 
 
 @pytest.mark.parametrize("decision", branching.ForcedDecision)
-def test_a_branch_is_the_run_with_other_parameters_from_its_frame_on(decision):
-    situation = next(one for one in SITUATIONS if one.switch is not None)
+def test_a_branch_equals_a_run_that_changes_parameters_at_its_frame(decision):
+    situation = next(situation for situation in SITUATIONS if situation.switch is not None)
     assert situation.switch is not None
     mixed = simulated(situation)
     scenario = mixed.scenario
-    chosen = scenario.scenario_index % len(branching.ForcedDecision) == int(decision)
+    has_decision = scenario.scenario_index % len(branching.ForcedDecision) == int(decision)
     frame = situation.switch * 10 // scenario.frame_interval_ms
     weather = turned_round(scenario.weather)
-    alone = branching.branch(scenario, frame, decision=decision, weather=weather)
-    np.testing.assert_array_equal(alone.trace_hash[chosen], mixed.trace_hash[chosen])
+    branched = branching.branch(scenario, frame, decision=decision, weather=weather)
+    np.testing.assert_array_equal(branched.trace_hash[has_decision], mixed.trace_hash[has_decision])
 
 
 def test_a_difference_of_one_bit_is_found():
@@ -273,7 +294,7 @@ def test_a_difference_of_one_bit_is_found():
     for name, values in arrays(run).items():
         changed = values.copy()
         changed.reshape(-1)[-1] ^= changed.dtype.type(1)
-        owner, _, own = name.rpartition(".")
-        part = getattr(run, owner).replace(**{own: changed}) if owner else changed
-        found = difference(run.replace(**{owner or own: part}), run)
-        assert found.startswith(name), name
+        owner, _, field = name.rpartition(".")
+        part = getattr(run, owner).replace(**{field: changed}) if owner else changed
+        mismatch = difference(run.replace(**{owner or field: part}), run)
+        assert mismatch.startswith(name), name

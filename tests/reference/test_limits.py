@@ -1,4 +1,4 @@
-"""Limits that change along a road: what drivers do about them, and both engines."""
+"""Speed limits that change along a road: drivers obey them, equally on both engines."""
 
 from __future__ import annotations
 
@@ -45,65 +45,73 @@ def village(*limits: SpeedLimitSpan) -> Road:
     return limited(wide_road(), *(limits or (TOWN,)))
 
 
-def of(run: Trajectories, name: str, slot: int = 0) -> np.ndarray:
+def recorded(run: Trajectories, name: str, slot: int = 0) -> np.ndarray:
     """A recorded field of a vehicle, in SI units."""
     return getattr(run.states, name)[0, slot, : run.num_frames[0]] * 1e-3
 
 
-def lone(road: Road, *, kind: str = "M", seconds: float = 70.0, **given: float) -> Trajectories:
-    """One vehicle that has a road to itself."""
-    return engine.simulate(scenario([one(kind, **given)], road=road, horizon=seconds))
+def drive_alone(
+    road: Road, *, kind: str = "M", seconds: float = 70.0, **driver: float
+) -> Trajectories:
+    """A run of one vehicle alone on a road."""
+    return engine.simulate(scenario([vehicle(kind, **driver)], road=road, horizon=seconds))
 
 
-def one(kind: str = "M", s: float = 100.0, speed: float = HIGH, **driver: float) -> Vehicle:
+def vehicle(kind: str = "M", s: float = 100.0, speed: float = HIGH, **driver: float) -> Vehicle:
+    """A vehicle whose driver obeys limits and wants to drive 28 m/s where it may."""
     driver = {"desired_speed": 28.0, "speed_limit_compliance": 1.0} | driver
     return Vehicle(kind=kind, s=s, lane=1, speed=speed, driver=driver)
 
 
 @pytest.mark.parametrize("kind", ["M", "T", "MC"])
-def test_who_obeys_has_slowed_down_where_the_stretch_begins_and_needs_no_more_than_the_bound(kind):
+def test_a_driver_that_obeys_limits_brakes_comfortably_to_the_limit_before_the_stretch(kind):
     # A truck keeps its top speed.
-    run = lone(village(), kind=kind, speed=24.0 if kind == "T" else HIGH)
-    s, speed, accel = of(run, "s"), of(run, "speed"), of(run, "accel_lon")
-    inside, before = (s >= TOWN.start) & (s < TOWN.stop), s < TOWN.start
-    assert speed[inside].max() <= LOW + 0.002
-    assert speed[inside][-1] == pytest.approx(LOW, abs=0.02)
-    # The way left is enough for the comfortable braking, at every frame.
-    way = TOWN.start - s[before]
-    assert (speed[before] ** 2 <= LOW**2 + 2.0 * BRAKING * way + 0.5).all()
+    run = drive_alone(village(), kind=kind, speed=24.0 if kind == "T" else HIGH)
+    s, speed, accel = recorded(run, "s"), recorded(run, "speed"), recorded(run, "accel_lon")
+    is_inside, is_before = (s >= TOWN.start) & (s < TOWN.stop), s < TOWN.start
+    assert speed[is_inside].max() <= LOW + 0.002
+    assert speed[is_inside][-1] == pytest.approx(LOW, abs=0.02)
+    # At every frame the remaining distance is enough for comfortable braking.
+    distance_to_town = TOWN.start - s[is_before]
+    assert (speed[is_before] ** 2 <= LOW**2 + 2.0 * BRAKING * distance_to_town + 0.5).all()
     assert accel.min() > -BRAKING - 0.15
-    # Nobody dawdles: two seconds more than braking takes, and the full speed behind.
-    took = np.count_nonzero(before & (speed < speed[0] - 0.5)) * 0.05
-    assert took < (speed[0] - LOW) / BRAKING + 2.0
+    # The driver takes at most 2 s more than constant braking, and regains the speed behind.
+    braking_time = np.count_nonzero(is_before & (speed < speed[0] - 0.5)) * 0.05
+    assert braking_time < (speed[0] - LOW) / BRAKING + 2.0
     assert speed[s < TOWN.stop].min() > LOW - 0.3
-    late = s > TOWN.stop + 2.0 * STATION
-    assert (accel[late] > 0.0)[: 3 * 20].all()
-    assert speed[late][-1] > LOW + 5.0
+    is_behind = s > TOWN.stop + 2.0 * STATION
+    assert (accel[is_behind] > 0.0)[: 3 * 20].all()
+    assert speed[is_behind][-1] > LOW + 5.0
 
 
-def test_nobody_is_let_go_before_the_stretch_ends():
-    run = lone(village(TOWN, SpeedLimitSpan(start=1200.0, stop=1500.0, speed=20.0)))
-    s, speed = of(run, "s"), of(run, "speed")
+def test_a_driver_does_not_speed_up_before_the_stretch_ends():
+    run = drive_alone(village(TOWN, SpeedLimitSpan(start=1200.0, stop=1500.0, speed=20.0)))
+    s, speed = recorded(run, "s"), recorded(run, "speed")
     assert speed[(s >= TOWN.start) & (s < TOWN.stop)].max() <= LOW + 0.002
     assert speed[(s >= 1200.0) & (s < 1500.0)].max() == pytest.approx(20.0, abs=0.5)
     assert speed.max() == pytest.approx(HIGH, abs=0.05)
 
 
-@pytest.mark.parametrize("respect", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("compliance", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize(
-    "sky", [{}, {"rain": 100.0}, {"fog": 85.0, "night": 1.0, "sun_altitude": -0.5}]
+    "weather", [{}, {"rain": 100.0}, {"fog": 85.0, "night": 1.0, "sun_altitude": -0.5}]
 )
-def test_a_stretch_is_driven_as_a_road_that_has_its_limit(respect: float, sky: dict[str, float]):
-    driver = {"speed_limit_compliance": respect, "caution": 0.7}
-    there = [one(s=850.0, speed=LOW, **driver)]
-    long = village(dataclasses.replace(TOWN, stop=5000.0))
-    everywhere = dataclasses.replace(long, speed_limit=LOW, course=None)
-    runs = [engine.simulate(scenario(there, road=road, weather=sky)) for road in (long, everywhere)]
+def test_a_stretch_is_driven_like_a_whole_road_with_its_limit(
+    compliance: float, weather: dict[str, float]
+):
+    driver = {"speed_limit_compliance": compliance, "caution": 0.7}
+    scene = [vehicle(s=850.0, speed=LOW, **driver)]
+    long_stretch = village(dataclasses.replace(TOWN, stop=5000.0))
+    uniform = dataclasses.replace(long_stretch, speed_limit=LOW, course=None)
+    runs = [
+        engine.simulate(scenario(scene, road=road, weather=weather))
+        for road in (long_stretch, uniform)
+    ]
     np.testing.assert_array_equal(*(run.states.speed for run in runs))
 
 
 @pytest.mark.ci
-def test_limits_beyond_where_anybody_drives_change_nothing():
+def test_a_limit_far_beyond_all_vehicles_changes_nothing():
     batch = ScenarioSource(load_specification("motorway"), known_road("motorway"), 5).sample(
         np.arange(16)
     )
@@ -116,48 +124,54 @@ def test_limits_beyond_where_anybody_drives_change_nothing():
 
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize(("start", "stop"), [(800.0, 1200.0), (800.7, 803.1), (801.9, 801.95)])
-def test_what_is_allowed_follows_the_formula_within_two_stations(direction, start, stop):
+def test_the_allowed_speed_follows_the_formula_within_two_stations(direction, start, stop):
     road = village(SpeedLimitSpan(start=start, stop=stop, speed=LOW))
     s = np.arange(0.0, 3000.0, 0.05)
-    own = s if direction > 0 else road.length - s
-    given, turned = road_parameters(road), np.bool_(direction < 0)
-    allowed = allowed_speed(model_constants(), given, own.astype(np.float32), turned)
+    own_s = s if direction > 0 else road.length - s
+    parameters, is_oncoming = road_parameters(road), np.bool_(direction < 0)
+    allowed = allowed_speed(model_constants(), parameters, own_s.astype(np.float32), is_oncoming)
     posted = road.speed_limit_at(s, direction)
     assert (allowed <= posted + 1e-5).all()
     begins, ends = (start, stop) if direction > 0 else (stop, start)
-    ahead, behind = direction * (begins - s), direction * (s - ends)
-    for spare, is_bound in ((0.0, np.less_equal), (2.0 * STATION, np.greater_equal)):
-        way = np.maximum(ahead - spare, 0.0)
-        wanted = np.minimum(np.sqrt(LOW**2 + 2.0 * BRAKING * way), HIGH)
-        assert is_bound(allowed, wanted + (1e-3 if spare == 0.0 else -1e-3))[ahead > 0.0].all()
-    # Whoever has left the stretch is let go two stations on, and not before its end.
-    assert (allowed[behind > 2.0 * STATION] == HIGH).all()
+    distance_ahead, distance_behind = direction * (begins - s), direction * (s - ends)
+    for margin, is_bound in ((0.0, np.less_equal), (2.0 * STATION, np.greater_equal)):
+        braking_distance = np.maximum(distance_ahead - margin, 0.0)
+        formula = np.minimum(np.sqrt(LOW**2 + 2.0 * BRAKING * braking_distance), HIGH)
+        assert is_bound(allowed, formula + (1e-3 if margin == 0.0 else -1e-3))[
+            distance_ahead > 0.0
+        ].all()
+    # The full speed is allowed two stations behind the stretch, and not before its end.
+    assert (allowed[distance_behind > 2.0 * STATION] == HIGH).all()
 
 
 @pytest.mark.ci
 @pytest.mark.parametrize("profile", ["motorway", "rural"])
 def test_both_engines_have_the_same_bits(profile: str):
     batch = on_limits(profile, 4, **{"time.horizon_s": 20.0, "time.attempt_deadline_s": 20.0})
-    read = reference.simulate(batch)
+    expected = reference.simulate(batch)
     for level in LEVELS:
-        assert not difference(read, engine.simulate(batch, level=level))
+        assert not difference(expected, engine.simulate(batch, level=level))
 
 
 def on_limits(profile: str, count: int, **changes: Any) -> Scenario:
     """Traffic of a profile on its road, with a lower limit on 300 m of each sixteenth of it."""
-    plan = load_specification(profile, changes)
-    length = ScenarioSource(plan, known_road(plan.road), 5).sample(np.arange(1)).road.length
+    specification = load_specification(profile, changes)
+    length = (
+        ScenarioSource(specification, known_road(specification.road), 5)
+        .sample(np.arange(1))
+        .road.length
+    )
     starts = np.linspace(0.0, length - 300.0, 16)
-    road = dataclasses.replace(known_road(plan.road).extend_to(length))
-    both = (
+    road = dataclasses.replace(known_road(specification.road).extend_to(length))
+    spans = (
         SpeedLimitSpan(start=float(s), stop=float(s) + 300.0, speed=LOW, direction=0)
         for s in starts
     )
-    return ScenarioSource(plan, limited(road, *both), 5).sample(np.arange(count))
+    return ScenarioSource(specification, limited(road, *spans), 5).sample(np.arange(count))
 
 
 @pytest.mark.ci
-def test_left_and_right_are_the_same():
+def test_a_mirrored_road_gives_mirrored_trajectories():
     batch = on_limits("motorway", 8)
     weather = batch.weather.replace(
         wind_direction=-batch.weather.wind_direction, sun_azimuth=-batch.weather.sun_azimuth
@@ -177,58 +191,62 @@ def test_each_direction_has_its_own_limits():
         Vehicle(s=1900.0, lane=1, speed=HIGH, driver=obeys),
     ]
     run = engine.simulate(scenario(pair, road=road, horizon=60.0))
-    assert of(run, "speed").min() > HIGH - 0.3
-    s, speed = of(run, "s", 1), of(run, "speed", 1)
+    assert recorded(run, "speed").min() > HIGH - 0.3
+    s, speed = recorded(run, "s", 1), recorded(run, "speed", 1)
     inside = (s > TOWN.start) & (s <= TOWN.stop)
     assert inside.sum() > 20 * 25
     assert speed[inside].max() <= LOW + 0.002
     assert speed[s > TOWN.stop + 300.0].min() > HIGH - 0.3
 
 
-def test_who_passes_wants_to_only_where_the_limit_lets_it():
+def test_an_ego_pulls_out_only_if_the_limit_allows_a_higher_speed():
     eager = {"min_speed_gain": 3.0, "desired_speed": 28.0}
     slow = Vehicle(s=890.0, lane=1, speed=12.9, driver={"desired_speed": 12.9})
-    pulls = [one(s=860.0, speed=12.9, **eager), slow]
-    run, free = (
-        engine.simulate(scenario(pulls, road=road, horizon=20.0))
+    scene = [vehicle(s=860.0, speed=12.9, **eager), slow]
+    in_town, without_town = (
+        engine.simulate(scenario(scene, road=road, horizon=20.0))
         for road in (village(), limited(wide_road()))
     )
-    assert (run.stage[0] == 0).all()
-    assert (free.stage[0] > 0).any()
+    assert (in_town.stage[0] == 0).all()
+    assert (without_town.stage[0] > 0).any()
 
 
 @pytest.mark.ci
-def test_another_driver_sees_the_same_bits_on_both_engines():
+def test_an_external_driver_observes_the_same_bits_on_both_engines():
     batch = on_limits("rural", 4, **{"time.horizon_s": 6.0, "time.attempt_deadline_s": 6.0})
-    given = step_parameters(batch)
-    told = []
+    parameters = step_parameters(batch)
+    observations = []
     for simulator in ("engine", "reference"):
-        stands = new_stepper(given, "decision", observes_truth=False, simulator=simulator)
-        rows = [stands.observe_start()[0]]
-        rows += [stands.step(np.zeros((4, MAX_ACTION_PARTS), np.int32), 3)[0] for _ in range(30)]
-        told.append(np.array(rows))
-    np.testing.assert_array_equal(*told)
+        stepper = new_stepper(parameters, "decision", observes_truth=False, simulator=simulator)
+        tables = [stepper.observe_start()[0]]
+        tables += [stepper.step(np.zeros((4, MAX_ACTION_PARTS), np.int32), 3)[0] for _ in range(30)]
+        observations.append(np.array(tables))
+    np.testing.assert_array_equal(*observations)
 
 
 @pytest.mark.parametrize("profile", ["motorway", "rural"])
-def test_nobody_starts_faster_than_the_limits_at_and_ahead_of_the_start_let_it(profile: str):
+def test_start_speeds_respect_the_limits_at_and_ahead_of_the_start(profile: str):
     batch = on_limits(profile, 32)
-    comes = batch.start_lane == batch.road.num_lanes
-    respects, valid = batch.drivers.speed_limit_compliance, batch.vehicles.valid
-    free, start = batch.drivers.desired_speed, batch.start_speed
-    for turned in (False, True):
-        here = batch.start_s if not turned else np.float32(batch.road.length) - batch.start_s
-        limit = allowed_speed(
-            model_constants(), road_parameters(batch.road), here, np.bool_(turned)
+    is_oncoming = batch.start_lane == batch.road.num_lanes
+    compliance, valid = batch.drivers.speed_limit_compliance, batch.vehicles.valid
+    desired_speed, start_speed = batch.drivers.desired_speed, batch.start_speed
+    for direction_is_oncoming in (False, True):
+        own_s = (
+            batch.start_s
+            if not direction_is_oncoming
+            else np.float32(batch.road.length) - batch.start_s
         )
-        wanted = free - respects * np.maximum(free - limit, 0.0)
-        there = valid & (comes == turned)
-        assert (start <= wanted + 1e-3)[there].all()
-    posted = np.where(comes, *(batch.road.speed_limit_at(batch.start_s, k) for k in (-1, 1)))
+        limit = allowed_speed(
+            model_constants(), road_parameters(batch.road), own_s, np.bool_(direction_is_oncoming)
+        )
+        allowed_start = desired_speed - compliance * np.maximum(desired_speed - limit, 0.0)
+        is_compared = valid & (is_oncoming == direction_is_oncoming)
+        assert (start_speed <= allowed_start + 1e-3)[is_compared].all()
+    posted = np.where(is_oncoming, *(batch.road.speed_limit_at(batch.start_s, k) for k in (-1, 1)))
     assert (valid & (posted == LOW)).mean() > 0.1 * valid.mean()
 
 
-def test_crests_forbid_to_pass_by_the_limit_there():
+def test_the_limit_at_a_crest_decides_how_long_it_forbids_passing():
     rural = known_road("rural")
     hill = ((0.0, 0.02), (1400.0, 0.02), (1500.0, -0.02), (5000.0, -0.02))
     course = dataclasses.replace(
@@ -237,18 +255,20 @@ def test_crests_forbid_to_pass_by_the_limit_there():
         sight=(),
         sight_against=(),
     )
-    slow, fast = (
+    crests_with_lower_limit, crests_without = (
         [
-            place.stop - place.start
-            for place in all_zones_for(dataclasses.replace(rural, speed_limit=HIGH, course=one), 1)
-            if place.kind is ZoneKind.CREST
+            zone.stop - zone.start
+            for zone in all_zones_for(
+                dataclasses.replace(rural, speed_limit=HIGH, course=road_course), 1
+            )
+            if zone.kind is ZoneKind.CREST
         ]
-        for one in (course, dataclasses.replace(course, speed_limit_spans=()))
+        for road_course in (course, dataclasses.replace(course, speed_limit_spans=()))
     )
-    assert fast
-    assert sum(slow) < sum(fast)
+    assert crests_without
+    assert sum(crests_with_lower_limit) < sum(crests_without)
 
 
 def test_the_traffic_manager_refuses_a_road_with_several_limits():
     with pytest.raises(ConfigError, match="one limit from end to end, got another one from 800 m"):
-        traffic.simulate(scenario([one()], road=village()))
+        traffic.simulate(scenario([vehicle()], road=village()))

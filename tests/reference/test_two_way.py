@@ -32,57 +32,62 @@ COMES = {"desired_speed": 25.0}
 
 @pytest.mark.ci
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_both_engines_record_the_same_bits_by_hand(mirrored):
-    on = road(is_open=False)
-    on = on.mirror() if mirrored else on
-    world = scenario(*SCENES, road=on, horizon=12.0, num_slots=5)
-    given = step_parameters(world)
-    expected = reference.run(world, given)
+def test_both_engines_record_the_same_bits_of_scenes_written_by_hand(mirrored):
+    on_road = road(is_open=False)
+    on_road = on_road.mirror() if mirrored else on_road
+    world = scenario(*SCENES, road=on_road, horizon=12.0, num_slots=5)
+    parameters = step_parameters(world)
+    expected = reference.run(world, parameters)
     for level in LEVELS:
-        assert not (found := difference(engine.run(world, given, level=level), expected)), (
-            f"{level}: {found}"
+        assert not (mismatch := difference(engine.run(world, parameters, level=level), expected)), (
+            f"{level}: {mismatch}"
         )
 
 
 @pytest.mark.ci
-def test_who_comes_is_who_goes_seen_from_the_other_end():
+def test_oncoming_vehicles_drive_like_vehicles_seen_from_the_other_end():
     storm = {"wind": 60.0, "wind_direction": 1.0}
-    alone = Vehicle(s=7900.0, speed=20.0, driver={"desired_speed": 20.0})
-    goes = [Vehicle(s=s, speed=v, driver=COMES) for s, v in ((300.0, 20.0), (200.0, 25.0))]
-    comes = [dataclasses.replace(one, s=8000.0 - one.s, lane=1) for one in goes]
-    away = dataclasses.replace(alone, s=100.0)
-    calm = {"wind": 60.0, "wind_direction": 1.0 + float(np.pi)}
-    # Half a turn of the wind is what half a turn of the road is to the drivers.
-    there = run_in([alone, *goes], storm)
-    back = run_in([away, *comes], calm)
-    s, d = (there.states.s[0, 1:3], there.states.d[0, 1:3])
-    np.testing.assert_allclose(back.states.s[0, 1:3], 8_000_000 - s, atol=1)
-    np.testing.assert_array_equal(back.states.d[0, 1:3], -d)
+    far_ego = Vehicle(s=7900.0, speed=20.0, driver={"desired_speed": 20.0})
+    along_vehicles = [
+        Vehicle(s=s, speed=v, driver=COMES) for s, v in ((300.0, 20.0), (200.0, 25.0))
+    ]
+    oncoming_vehicles = [
+        dataclasses.replace(vehicle, s=8000.0 - vehicle.s, lane=1) for vehicle in along_vehicles
+    ]
+    turned_ego = dataclasses.replace(far_ego, s=100.0)
+    turned_wind = {"wind": 60.0, "wind_direction": 1.0 + float(np.pi)}
+    # For the drivers, half a turn of the wind equals half a turn of the road.
+    along = run_in([far_ego, *along_vehicles], storm)
+    against = run_in([turned_ego, *oncoming_vehicles], turned_wind)
+    s, d = (along.states.s[0, 1:3], along.states.d[0, 1:3])
+    np.testing.assert_allclose(against.states.s[0, 1:3], 8_000_000 - s, atol=1)
+    np.testing.assert_array_equal(against.states.d[0, 1:3], -d)
     for name in ("speed", "accel_lon", "accel_lat", "yaw_rate", "wheel_angle", "lights"):
         np.testing.assert_array_equal(
-            getattr(back.states, name)[0, 1:3], getattr(there.states, name)[0, 1:3], err_msg=name
+            getattr(against.states, name)[0, 1:3], getattr(along.states, name)[0, 1:3], err_msg=name
         )
-    turned = back.states.heading[0, 1:3].astype(int) - there.states.heading[0, 1:3]
-    assert (np.abs(np.abs(turned) - 31416) <= 1).all()
-    assert (back.states.lane[0, 1:3] == 1).all()
-    assert (there.states.lane[0, 1:3] == 0).all()
+    heading_change = against.states.heading[0, 1:3].astype(int) - along.states.heading[0, 1:3]
+    assert (np.abs(np.abs(heading_change) - 31416) <= 1).all()
+    assert (against.states.lane[0, 1:3] == 1).all()
+    assert (along.states.lane[0, 1:3] == 0).all()
 
 
 def run_in(scene: list[Vehicle], weather: dict[str, float]) -> Trajectories:
+    """A simulation of the scene in a weather without gusts."""
     world = scenario(scene, road=road(), horizon=15.0, weather=weather)
-    given = step_parameters(world)
-    # Gusts stand where they stand on the road, which is not the same from both ends.
-    return reference.run(world, without_fields(given))
+    parameters = step_parameters(world)
+    # Gusts have fixed positions on the road, which differ as seen from both ends.
+    return reference.run(world, without_gusts(parameters))
 
 
-def without_fields(given):
-    simulation = given.simulation_table.copy()
+def without_gusts(parameters):
+    simulation = parameters.simulation_table.copy()
     simulation[SIMULATION_FIELDS.index("gust_gain")] = 0.0
-    return dataclasses.replace(given, simulation_table=simulation)
+    return dataclasses.replace(parameters, simulation_table=simulation)
 
 
 def turned(road: Road) -> Road:
-    """A road as seen from its other end, but for its direction."""
+    """A road with the course of its opposite direction."""
     course, length = road.course, road.length
     assert course is not None
 
@@ -91,67 +96,75 @@ def turned(road: Road) -> Road:
 
     lines = tuple(
         dataclasses.replace(
-            one, start=length - one.stop, stop=length - one.start, mark=one.mark.reverse
+            span, start=length - span.stop, stop=length - span.start, mark=span.mark.reverse
         )
-        for one in reversed(course.centre_line_spans)
+        for span in reversed(course.centre_line_spans)
     )
     sight, against = back(course.sight_against), back(course.sight)
-    other = dataclasses.replace(
+    turned_course = dataclasses.replace(
         course, centre_line_spans=lines, zones=(), sight=sight, sight_against=against
     )
-    return dataclasses.replace(road, course=other)
+    return dataclasses.replace(road, course=turned_course)
 
 
-def test_who_comes_overtakes_as_who_goes_seen_from_the_other_end():
-    """On a road whose sight and line change: what one direction sees is what the other would."""
-    there = road(is_open=False)
+def test_oncoming_vehicles_overtake_like_vehicles_seen_from_the_other_end():
+    """On a road with changing sight and line, turned for the second run."""
+    on_road = road(is_open=False)
     keen, van = pair(gap_demand_factor=0.5, lead=15.0)
     starts = np.arange(1000.0, 3000.0, 400.0)
-    far = Vehicle(s=7900.0, speed=20.0, driver={"desired_speed": 20.0})
-    goes = [
-        [far, *(dataclasses.replace(one, s=one.s - 1000.0 + start) for one in (van, keen))]
+    far_ego = Vehicle(s=7900.0, speed=20.0, driver={"desired_speed": 20.0})
+    along_scenes = [
+        [
+            far_ego,
+            *(
+                dataclasses.replace(vehicle, s=vehicle.s - 1000.0 + start)
+                for vehicle in (van, keen)
+            ),
+        ]
         for start in starts
     ]
-    comes = [
+    oncoming_scenes = [
         [
-            dataclasses.replace(far, s=100.0),
-            *(dataclasses.replace(one, s=8000.0 - one.s, lane=1) for one in scene[1:]),
+            dataclasses.replace(far_ego, s=100.0),
+            *(dataclasses.replace(vehicle, s=8000.0 - vehicle.s, lane=1) for vehicle in scene[1:]),
         ]
-        for scene in goes
+        for scene in along_scenes
     ]
     runs = []
-    for scenes, on in ((goes, there), (comes, turned(there))):
-        world = scenario(*scenes, road=on, horizon=45.0, index=[7] * len(scenes))
-        runs.append(engine.run(world, without_fields(step_parameters(world))))
-    one, other = (run.states for run in runs)
-    away = one.lane[:, 2] == 1
-    assert away.any(axis=1).sum() > 1
-    np.testing.assert_allclose(other.s[:, 1:3], 8_000_000 - one.s[:, 1:3], atol=3)
-    np.testing.assert_allclose(other.d[:, 1:3], -one.d[:, 1:3], atol=3)
+    for scenes, scene_road in ((along_scenes, on_road), (oncoming_scenes, turned(on_road))):
+        world = scenario(*scenes, road=scene_road, horizon=45.0, index=[7] * len(scenes))
+        runs.append(engine.run(world, without_gusts(step_parameters(world))))
+    along, against = (run.states for run in runs)
+    is_in_other_lane = along.lane[:, 2] == 1
+    assert is_in_other_lane.any(axis=1).sum() > 1
+    np.testing.assert_allclose(against.s[:, 1:3], 8_000_000 - along.s[:, 1:3], atol=3)
+    np.testing.assert_allclose(against.d[:, 1:3], -along.d[:, 1:3], atol=3)
 
 
-def test_a_head_on_collision_keeps_the_momentum_and_is_told_by_both():
+def test_a_head_on_collision_keeps_the_momentum_and_is_recorded_for_both():
     keen = {"lead": 24.0, "desired_speed": 33.0, "gap_demand_factor": 0.0}
     gaps = np.arange(725.0, 775.0, 5.0)
-    many = simulated(*(pair(gap, comes=70.0, **keen) for gap in gaps))
-    hit = np.flatnonzero(many.contacts.partner[:, 0] == 2)
+    batch = simulated(*(pair(gap, comes=70.0, **keen) for gap in gaps))
+    hit = np.flatnonzero(batch.contacts.partner[:, 0] == 2)
     assert len(hit)
-    hardest = hit[many.contacts.closing_speed[hit, 0].argmax()]
-    run = many.select(np.array([hardest]))
+    hardest = hit[batch.contacts.closing_speed[hit, 0].argmax()]
+    run = batch.select(np.array([hardest]))
     contacts = run.contacts
     assert contacts.partner[0, 2] == 0
     assert contacts.time[0, 0] == contacts.time[0, 2]
     frame = int(contacts.time[0, 0] // 50)
     speed = run.states.speed[0].astype(float)
-    met = speed[0, frame] + speed[2, frame]
-    assert contacts.closing_speed[0, 0] == pytest.approx(met, rel=0.15)
+    expected_closing = speed[0, frame] + speed[2, frame]
+    assert contacts.closing_speed[0, 0] == pytest.approx(expected_closing, rel=0.15)
     mass = run.scenario.vehicles.mass[0, [0, 2]]
-    before = mass @ (speed[[0, 2], frame] * (1, -1)) / 1e3
+    momentum_before = mass @ (speed[[0, 2], frame] * (1, -1)) / 1e3
     cosine = np.cos(run.states.heading[0, [0, 2], frame + 1] / 1e4)
-    place = run.states.s[0, [0, 2]].astype(float)
-    after = mass @ ((place[:, frame + 2] - place[:, frame + 1]) / 50.0)
+    position = run.states.s[0, [0, 2]].astype(float)
+    momentum_after = mass @ ((position[:, frame + 2] - position[:, frame + 1]) / 50.0)
     assert (np.sign(cosine) == (1, -1)).all()
-    assert float(after) == pytest.approx(float(before), abs=0.8 * float(mass.sum()))
+    assert float(momentum_after) == pytest.approx(
+        float(momentum_before), abs=0.8 * float(mass.sum())
+    )
 
 
 @pytest.mark.ci
@@ -160,15 +173,16 @@ def test_no_arrival_is_missing_within_sight():
         np.arange(300)
     )
     run = engine.run(world, step_parameters(world))
-    comes = (world.start_lane == 1) & world.vehicles.valid
-    place = np.where(comes[:, :, None], run.states.s, -1)
-    last = place.max(axis=1) / 1e3
+    is_oncoming = (world.start_lane == 1) & world.vehicles.valid
+    oncoming_position = np.where(is_oncoming[:, :, None], run.states.s, -1)
+    farthest = oncoming_position.max(axis=1) / 1e3
     ego = run.states.s[:, 0] / 1e3
-    # Where not all slots are taken, everybody who could be met before the horizon is there.
-    full = comes.sum(axis=1) == world.num_slots - 10
-    assert 20 < full.sum() < 300
+    # Where slots remain free, every vehicle that the ego could meet before the horizon is placed.
+    # Only a simulation with all slots taken could miss one.
+    is_full = is_oncoming.sum(axis=1) == world.num_slots - 10
+    assert 20 < is_full.sum() < 300
     sight = np.minimum(sight_at(world.road, ego), 1000.0)
-    missing = (last - ego < sight) & run.frame_mask & full[:, None]
+    missing = (farthest - ego < sight) & run.frame_mask & is_full[:, None]
     assert not missing.any()
 
 

@@ -1,4 +1,4 @@
-"""Another driver among oncoming traffic: what it observes, and the built-in ego as one of them."""
+"""External drivers among oncoming traffic: their observations, and the built-in ego as one."""
 
 from __future__ import annotations
 
@@ -38,8 +38,10 @@ HUMAN = Driver(function=HumanEgo(), observation="human", action="decision")
 
 
 def rural(numbers, seed: int = 7, **changes: object):
-    given = load_specification("rural", {"traffic.held_up": 1.0} | changes)
-    return ScenarioSource(given, load_road("rural"), seed).sample(np.asarray(numbers, np.uint64))
+    specification = load_specification("rural", {"traffic.held_up": 1.0} | changes)
+    return ScenarioSource(specification, load_road("rural"), seed).sample(
+        np.asarray(numbers, np.uint64)
+    )
 
 
 @pytest.mark.ci
@@ -47,52 +49,58 @@ def rural(numbers, seed: int = 7, **changes: object):
     ("kind", "observes_truth"), list(zip(ACTION_KINDS, cycle([False, True]), strict=False))
 )
 def test_both_engines_observe_the_same_bits(kind, observes_truth):
-    given = step_parameters(scenario(*SCENES, road=road(is_open=False), horizon=9.0, num_slots=5))
+    parameters = step_parameters(
+        scenario(*SCENES, road=road(is_open=False), horizon=9.0, num_slots=5)
+    )
     values = random_actions(kind, (len(SCENES), 181), seed=2).values
-    pair_of = [
-        new_stepper(given, kind, observes_truth=observes_truth, simulator=name)
+    steppers = [
+        new_stepper(parameters, kind, observes_truth=observes_truth, simulator=name)
         for name in ("engine", "reference")
     ]
-    (table, runs, _), (expected, still, _) = (one.observe_start() for one in pair_of)
-    at, met = 0, 0
-    while still.any():
-        np.testing.assert_array_equal(runs, still)
-        np.testing.assert_array_equal(table, expected, err_msg=f"decision {at}")
-        met += int(
+    (table, runs, _), (expected, expected_runs, _) = (
+        stepper.observe_start() for stepper in steppers
+    )
+    decision, num_second_oncoming = 0, 0
+    while expected_runs.any():
+        np.testing.assert_array_equal(runs, expected_runs)
+        np.testing.assert_array_equal(table, expected, err_msg=f"decision {decision}")
+        num_second_oncoming += int(
             split_observation(table)
             .neighbours[:, NEIGHBOUR_ROLES.index("second_oncoming"), 0]
             .sum()
         )
-        now = np.ascontiguousarray(values[:, at])
-        (table, runs, _), (expected, still, _) = (one.step(now, 1) for one in pair_of)
-        at += 1
-    assert at > 100
-    assert met > 20
+        actions = np.ascontiguousarray(values[:, decision])
+        (table, runs, _), (expected, expected_runs, _) = (
+            stepper.step(actions, 1) for stepper in steppers
+        )
+        decision += 1
+    assert decision > 100
+    assert num_second_oncoming > 20
 
 
 @pytest.mark.ci
 @pytest.mark.parametrize("kind", ACTION_KINDS)
 def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
     world = scenario(*SCENES, road=road(), horizon=9.0, num_slots=5)
-    given = step_parameters(world)
+    parameters = step_parameters(world)
     actions = random_actions(kind, (len(SCENES), 181))
-    expected = reference.run(world, given, actions=actions)
+    expected = reference.run(world, parameters, actions=actions)
     for level in LEVELS:
-        found = engine.run(world, given, actions=actions, level=level)
-        assert not (wrong := difference(found, expected)), f"{level}: {wrong}"
+        run = engine.run(world, parameters, actions=actions, level=level)
+        assert not (mismatch := difference(run, expected)), f"{level}: {mismatch}"
 
 
 @pytest.mark.ci
-def test_the_built_in_ego_as_a_policy_leaves_the_same_trace():
+def test_the_built_in_ego_as_a_policy_has_the_same_trace():
     world = rural(np.arange(64))
     expected = engine.run(world, step_parameters(world))
-    found = drive(world, HUMAN, engine.run)
+    driven = drive(world, HUMAN, engine.run)
     assert {Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.DONE} <= set(np.unique(expected.stage))
-    assert not difference(found.replace(actions=None), expected)
+    assert not difference(driven.replace(actions=None), expected)
 
 
 @pytest.mark.ci
-def test_it_leaves_the_same_trace_where_it_gives_up():
+def test_the_built_in_ego_as_a_policy_has_the_same_trace_in_aborts():
     gaps = np.arange(200.0, 1500.0, 25.0)
     scenes = [pair(gap, comes=75.0, gap_demand_factor=0.2) for gap in gaps]
     world = scenario(*scenes, road=road(), horizon=20.0)
@@ -102,48 +110,50 @@ def test_it_leaves_the_same_trace_where_it_gives_up():
 
 
 @pytest.mark.ci
-def test_the_reference_lets_it_do_the_same():
+def test_the_built_in_ego_as_a_policy_has_the_same_trace_on_the_reference():
     world = scenario(*SCENES, road=road(is_open=False), horizon=12.0, num_slots=5)
     expected = engine.run(world, step_parameters(world)).trace_hash
-    found = drive(world, HUMAN, reference.run, "reference")
-    np.testing.assert_array_equal(found.trace_hash, expected)
+    driven = drive(world, HUMAN, reference.run, "reference")
+    np.testing.assert_array_equal(driven.trace_hash, expected)
 
 
 @pytest.mark.soak
-def test_a_thousand_of_the_rural_profile_leave_the_same_trace():
-    same = 0
+def test_a_thousand_simulations_of_the_rural_profile_have_the_same_trace():
+    num_same = 0
     for first in range(0, 1000, 100):
-        given = load_specification("rural")
-        world = ScenarioSource(given, load_road("rural"), 7).sample(
+        specification = load_specification("rural")
+        world = ScenarioSource(specification, load_road("rural"), 7).sample(
             np.arange(first, first + 100, dtype=np.uint64)
         )
         expected = engine.run(world, step_parameters(world)).trace_hash
-        same += int((drive(world, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())
-    assert same == 1000
+        num_same += int((drive(world, HUMAN, engine.run).trace_hash == expected).all(axis=1).sum())
+    assert num_same == 1000
 
 
-class Seeing:
-    """Stays, and keeps what it observes."""
+class ObservationRecorder:
+    """A driver that stays in its lane and records its observations."""
 
     def __init__(self) -> None:
-        """Have seen nothing."""
+        """Begin without observations."""
         self.tables = []
 
     def __call__(self, observation):
-        """Stay."""
+        """Record the observation and stay in the lane."""
         self.tables.append(observation.table.copy())
         return built_in_drivers.stay(observation)
 
 
-def observed(observe, *scenes, on=None, horizon: float = 8.0):
-    """A simulation, its observed neighbours by role, and the columns about a pass.
+def observe_drive(observe, *scenes, on_road=None, horizon: float = 8.0):
+    """A simulation, its observed neighbours by role, and the observed columns about passing.
 
     Each column has the shape (decision, simulation).
     """
-    world = scenario(*scenes, road=on or road(), horizon=horizon)
-    eyes = Seeing()
-    run = drive(world, Driver(function=eyes, observation=observe, action="decision"), engine.run)
-    _, neighbours, passing = split_observation(np.stack(eyes.tables))
+    world = scenario(*scenes, road=on_road or road(), horizon=horizon)
+    recorder = ObservationRecorder()
+    run = drive(
+        world, Driver(function=recorder, observation=observe, action="decision"), engine.run
+    )
+    _, neighbours, passing = split_observation(np.stack(recorder.tables))
     roles = {
         role: NeighbourColumns._make(np.moveaxis(neighbours[:, :, index], -1, 0))
         for index, role in enumerate(NEIGHBOUR_ROLES)
@@ -151,69 +161,77 @@ def observed(observe, *scenes, on=None, horizon: float = 8.0):
     return run, roles, PassingColumns._make(np.moveaxis(passing, -1, 0))
 
 
-def test_the_truth_tells_where_those_who_come_are():
-    run, roles, _ = observed("truth", pair(300.0, 420.0))
+def test_the_true_observation_has_gap_offset_and_closing_speed_of_oncoming_vehicles():
+    run, roles, _ = observe_drive("truth", pair(300.0, 420.0))
     frames = np.arange(len(roles["leader"].gap))
     s, d = run.states.s[0, :, frames] / 1e3, run.states.d[0, :, frames] / 1e3
-    half = run.scenario.vehicles.length[0] / 2.0
-    before = s[:, 2] > s[:, 0]
+    half_length = run.scenario.vehicles.length[0] / 2.0
+    is_before_meeting = s[:, 2] > s[:, 0]
     for role, slot in (("oncoming", 2), ("second_oncoming", 3)):
-        gap = s[:, slot] - s[:, 0] - half[slot] - half[0]
-        np.testing.assert_allclose(roles[role].gap[before, 0], gap[before], atol=3e-3)
-        aside = (d[:, slot] - d[:, 0])[before]
-        np.testing.assert_allclose(roles[role].lateral_distance[before, 0], aside, atol=3e-3)
+        gap = s[:, slot] - s[:, 0] - half_length[slot] - half_length[0]
+        np.testing.assert_allclose(
+            roles[role].gap[is_before_meeting, 0], gap[is_before_meeting], atol=3e-3
+        )
+        lateral_distance = (d[:, slot] - d[:, 0])[is_before_meeting]
+        np.testing.assert_allclose(
+            roles[role].lateral_distance[is_before_meeting, 0], lateral_distance, atol=3e-3
+        )
         closing = -np.diff(gap) / 0.05
-        told = roles[role].closing_speed[1:, 0]
-        np.testing.assert_allclose(told[before[1:]], closing[before[1:]], atol=0.1)
+        observed_closing = roles[role].closing_speed[1:, 0]
+        np.testing.assert_allclose(
+            observed_closing[is_before_meeting[1:]], closing[is_before_meeting[1:]], atol=0.1
+        )
     assert not roles["oncoming"].stop_lamp.any()
 
 
-def test_who_is_met_makes_room_for_the_next_one():
-    run, roles, _ = observed("truth", pair(150.0, 300.0))
+def test_after_a_meeting_the_second_oncoming_vehicle_becomes_the_first():
+    run, roles, _ = observe_drive("truth", pair(150.0, 300.0))
     gap = roles["oncoming"].gap[:, 0]
-    meets = int(np.flatnonzero(np.diff(gap) > 50.0)[0])
-    assert roles["second_oncoming"].gap[meets, 0] == pytest.approx(gap[meets + 1], abs=5.0)
-    assert roles["second_oncoming"].is_detected[meets + 1, 0] == 0
-    assert run.states.s[0, 2, meets + 3] < run.states.s[0, 0, meets + 3]
+    meeting_frame = int(np.flatnonzero(np.diff(gap) > 50.0)[0])
+    assert roles["second_oncoming"].gap[meeting_frame, 0] == pytest.approx(
+        gap[meeting_frame + 1], abs=5.0
+    )
+    assert roles["second_oncoming"].is_detected[meeting_frame + 1, 0] == 0
+    assert run.states.s[0, 2, meeting_frame + 3] < run.states.s[0, 0, meeting_frame + 3]
 
 
-def test_a_human_sees_those_who_come_as_far_as_the_road_shows_them():
-    hidden = road(is_open=False)
-    run, roles, passing = observed("human", pair(900.0), on=hidden, horizon=12.0)
+def test_a_human_detects_oncoming_vehicles_only_within_the_sight_distance():
+    winding_road = road(is_open=False)
+    run, roles, passing = observe_drive("human", pair(900.0), on_road=winding_road, horizon=12.0)
     sight = passing.sight_distance[:, 0]
-    seen = roles["oncoming"].is_detected[:, 0] > 0
+    is_detected = roles["oncoming"].is_detected[:, 0] > 0
     frames = np.arange(len(roles["leader"].gap))
     gap = (run.states.s[0, 2, frames] - run.states.s[0, 0, frames]) / 1e3
-    assert seen.any()
-    assert (gap[seen] < sight[seen] + 20.0).all()
-    assert (roles["oncoming"].gap[~seen] == 1000.0).all()
+    assert is_detected.any()
+    assert (gap[is_detected] < sight[is_detected] + 20.0).all()
+    assert (roles["oncoming"].gap[~is_detected] == 1000.0).all()
 
 
 @pytest.mark.ci
-def test_a_sensor_sees_those_who_come_within_its_range(repository):
+def test_a_sensor_detects_oncoming_vehicles_only_within_its_range(repository):
     radar = Sensor.from_file(repository / "examples" / "radar.toml")
-    _, roles, passing = observed(radar, pair(300.0, 380.0))
+    _, roles, passing = observe_drive(radar, pair(300.0, 380.0))
     for role in ("oncoming", "second_oncoming"):
-        seen = roles[role].is_detected[:, 0] > 0
-        assert seen.any()
-        assert roles[role].gap[seen, 0].max() < radar.range_ahead + 1.0
+        is_detected = roles[role].is_detected[:, 0] > 0
+        assert is_detected.any()
+        assert roles[role].gap[is_detected, 0].max() < radar.range_ahead + 1.0
     assert not passing.gap_ahead_of_leader.any()
 
 
-def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
+def test_the_move_cancel_aborts_a_pass():
     world = scenario(pair(), road=road(), horizon=14.0)
-    given = step_parameters(world)
-    steps = new_stepper(given, "decision", observes_truth=True)
-    table, runs, _ = steps.observe_start()
+    parameters = step_parameters(world)
+    stepper = new_stepper(parameters, "decision", observes_truth=True)
+    table, runs, _ = stepper.observe_start()
     moves = []
     while runs.any():
         passing = PassingColumns._make(split_observation(table).passing[0])
-        out = bool(table[0, 8] == Stage.PASS)
-        move = Move.CANCEL if out and passing.can_abort_pass else Move.PULL_OUT
+        is_passing = bool(table[0, 8] == Stage.PASS)
+        move = Move.CANCEL if is_passing and passing.can_abort_pass else Move.PULL_OUT
         moves.append(int(move))
         values = np.zeros((1, MAX_ACTION_PARTS), np.int32)
         values[0, 0] = move
-        table, runs, _ = steps.step(values, 1)
+        table, runs, _ = stepper.step(values, 1)
         if move is Move.CANCEL:
             break
     assert Move.CANCEL in moves
@@ -221,7 +239,7 @@ def test_an_order_to_give_up_falls_in_behind_who_was_to_be_passed():
 
 
 @pytest.mark.ci
-def test_the_shipped_rules_pass_where_nobody_comes_and_wait_where_somebody_does():
+def test_the_rule_driver_passes_at_once_without_oncoming_traffic_and_otherwise_waits():
     world = scenario(pair(), pair(300.0), road=road(), horizon=25.0)
     driver = Driver(function=built_in_drivers.rules, observation="human", action="decision")
     run = drive(world, driver, engine.run)
