@@ -71,7 +71,7 @@ def test_the_origin_of_the_road_is_irrelevant():
     assert_same_labels(label(moved), labelled())
 
 
-def test_left_and_right_are_the_same_where_traffic_keeps_to_the_other_side():
+def test_mirrored_left_hand_traffic_has_the_same_labels():
     assert_same_labels(label(mirror_recording(simulated())), labelled())
 
 
@@ -112,7 +112,7 @@ def test_classes_hardly_depend_on_the_frame_rate(interval_ms: int, min_share: fl
     assert np.percentile(difference_ms, 95) <= 2 * max(50, interval_ms)
 
 
-def test_labels_of_a_part_are_those_of_the_whole():
+def test_labels_of_a_part_equal_the_labels_of_the_whole():
     rows = np.array([5, 17, 3, 211])
     assert_same_labels(label(simulated().select(rows)), labelled().select(rows))
 

@@ -1,4 +1,4 @@
-"""Roads that bend and rise: both engines, and motion against what follows from physics."""
+"""Roads with bends and hills: both engines, and motion against closed formulas."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def wide() -> Road:
 
 
 def lone(road: Road, *, seconds: float = 20.0, kind: str = "M", **changes: float) -> Trajectories:
-    """One vehicle that has a road to itself, in the lane next to the reference line."""
+    """A run of one vehicle alone on a road, in the lane next to the reference line."""
     speed = changes.pop("speed", 25.0)
-    one = Vehicle(kind=kind, s=10.0, lane=3, speed=speed, driver=changes)
-    return engine.simulate(scenario([one], road=road, horizon=seconds))
+    vehicle = Vehicle(kind=kind, s=10.0, lane=3, speed=speed, driver=changes)
+    return engine.simulate(scenario([vehicle], road=road, horizon=seconds))
 
 
 def of(run: Trajectories, name: str) -> np.ndarray:
@@ -58,26 +58,30 @@ def of(run: Trajectories, name: str) -> np.ndarray:
 @pytest.mark.parametrize("profile", ["motorway", "rural"])
 def test_both_engines_have_the_same_bits(profile: str):
     # 20 s are some 600 m: through bends of either side, over a rise or a fall.
-    plan = load_specification(profile, {"time.horizon_s": 20.0, "time.attempt_deadline_s": 20.0})
-    straight = extend_road(plan, known_road(plan.road))
-    batch = ScenarioSource(plan, on(straight, *BENDS, grade=HILLS), 5).sample(np.arange(4))
-    read = reference.simulate(batch)
+    specification = load_specification(
+        profile, {"time.horizon_s": 20.0, "time.attempt_deadline_s": 20.0}
+    )
+    straight = extend_road(specification, known_road(specification.road))
+    batch = ScenarioSource(specification, on(straight, *BENDS, grade=HILLS), 5).sample(np.arange(4))
+    expected = reference.simulate(batch)
     for level in LEVELS:
-        assert not difference(read, engine.simulate(batch, level=level))
+        assert not difference(expected, engine.simulate(batch, level=level))
 
 
-def test_a_line_without_bends_is_a_straight_road():
+def test_a_reference_line_without_bends_drives_like_a_straight_road():
     batch = ScenarioSource(load_specification("motorway"), known_road("motorway"), 5).sample(
         np.arange(16)
     )
     road = batch.road
-    placed = dataclasses.replace(road, x0=0.0, y0=0.0, heading=0.0)
-    straight = engine.simulate(dataclasses.replace(batch, road=placed))
-    laid = engine.simulate(dataclasses.replace(batch, road=on(road, (road.length, 0.0, 0.0))))
-    assert not difference(straight, laid)
+    at_origin = dataclasses.replace(road, x0=0.0, y0=0.0, heading=0.0)
+    straight = engine.simulate(dataclasses.replace(batch, road=at_origin))
+    on_reference_line = engine.simulate(
+        dataclasses.replace(batch, road=on(road, (road.length, 0.0, 0.0)))
+    )
+    assert not difference(straight, on_reference_line)
 
 
-def test_left_and_right_are_the_same():
+def test_a_mirrored_road_gives_mirrored_trajectories():
     batch = ScenarioSource(load_specification("motorway"), known_road("motorway"), 5).sample(
         np.arange(8)
     )
@@ -85,21 +89,23 @@ def test_left_and_right_are_the_same():
     weather = batch.weather.replace(
         wind_direction=-batch.weather.wind_direction, sun_azimuth=-batch.weather.sun_azimuth
     )
-    one = engine.simulate(batch)
-    other = engine.simulate(batch.replace(road=batch.road.mirror(), weather=weather))
+    run = engine.simulate(batch)
+    mirrored_run = engine.simulate(batch.replace(road=batch.road.mirror(), weather=weather))
     for name in ("s", "x", "speed"):
-        np.testing.assert_array_equal(getattr(one.states, name), getattr(other.states, name))
+        np.testing.assert_array_equal(getattr(run.states, name), getattr(mirrored_run.states, name))
     for name in ("d", "y", "yaw_rate", "heading"):
-        np.testing.assert_array_equal(getattr(one.states, name), -getattr(other.states, name))
+        np.testing.assert_array_equal(
+            getattr(run.states, name), -getattr(mirrored_run.states, name)
+        )
     assert batch.road.mirror().mirror() == batch.road
 
 
 @pytest.mark.parametrize("radius", [150.0, 400.0, 1500.0])
 def test_steady_cornering_takes_the_acceleration_of_a_circle(radius: float):
     run = lone(on(wide(), (6000.0, 1 / radius, 1 / radius)), desired_speed=17.0, speed=17.0)
-    speed, own = of(run, "speed")[200:], radius - of(run, "d")[200:]
+    speed, path_radius = of(run, "speed")[200:], radius - of(run, "d")[200:]
     # In the mean: keeping the lane adds some hundredths of m/s^2 to either side.
-    needed = float(np.mean(speed**2 / own))
+    needed = float(np.mean(speed**2 / path_radius))
     assert float(of(run, "accel_lat")[200:].mean()) == pytest.approx(needed, rel=0.02, abs=0.01)
     assert (
         np.abs(of(run, "d")[200:] + 1.75).max() < 0.35
@@ -114,28 +120,30 @@ def test_a_full_circle_ends_where_it_began():
     s = of(run, "s")
     lap = int(np.argmax(s - s[0] >= 2.0 * math.pi * radius))
     assert lap
-    turned = cumulative_trapezoid(of(run, "yaw_rate"), dx=0.05)[lap - 1]
-    assert turned == pytest.approx(2.0 * math.pi, rel=2e-3)
+    turned_angle = cumulative_trapezoid(of(run, "yaw_rate"), dx=0.05)[lap - 1]
+    assert turned_angle == pytest.approx(2.0 * math.pi, rel=2e-3)
     x, y = of(run, "x"), of(run, "y")
-    assert math.hypot(x[lap] - x[0], y[lap] - y[0]) < 1.5  # A frame is 0.9 m of way.
+    assert math.hypot(x[lap] - x[0], y[lap] - y[0]) < 1.5  # A vehicle drives 0.9 m in a frame.
 
 
-def test_what_moves_in_the_world_is_what_was_recorded_on_the_road():
+def test_world_positions_follow_from_recorded_speed_and_yaw_rate():
     """Dead reckoning by speed and yaw rate, in world coordinates, through two bends."""
     run = lone(on(wide(), *BENDS, grade=HILLS), seconds=55.0, desired_speed=25.0)
     speed, rate = of(run, "speed"), of(run, "yaw_rate")
     x, y, heading = of(run, "x"), of(run, "y"), np.unwrap(of(run, "heading"))
     assert of(run, "s")[-1] > 1300.0
-    turned = heading[0] + cumulative_trapezoid(rate, dx=0.05, initial=0.0)
-    np.testing.assert_allclose(heading, turned, atol=0.01)
-    way = np.hypot(np.diff(x), np.diff(y))
-    np.testing.assert_allclose(way, 0.05 * 0.5 * (speed[1:] + speed[:-1]), rtol=0.005, atol=0.003)
-    # Where the vehicle points is where it goes, but for the slip angle of its middle.
+    integrated_heading = heading[0] + cumulative_trapezoid(rate, dx=0.05, initial=0.0)
+    np.testing.assert_allclose(heading, integrated_heading, atol=0.01)
+    distance = np.hypot(np.diff(x), np.diff(y))
+    np.testing.assert_allclose(
+        distance, 0.05 * 0.5 * (speed[1:] + speed[:-1]), rtol=0.005, atol=0.003
+    )
+    # The vehicle moves in the direction of its heading, except for the slip angle of its centre.
     course = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
     np.testing.assert_allclose(course, 0.5 * (heading[1:] + heading[:-1]), atol=0.03)
 
 
-def test_a_clothoid_is_followed_as_fresnel_integrals_say():
+def test_world_positions_on_a_clothoid_follow_fresnel_integrals():
     length, end = 600.0, 1 / 300
     run = lone(on(wide(), (length, 0.0, end), (3000.0, end, end)), desired_speed=20.0, speed=20.0)
     s, d = of(run, "s"), of(run, "d")
@@ -183,62 +191,64 @@ def crooked() -> Road:
     return on(dataclasses.replace(rural, course=None), *parts)
 
 
-def test_nobody_starts_faster_than_the_bends_at_and_ahead_of_the_start_allow():
+def test_start_speeds_respect_the_bends_at_and_ahead_of_the_start():
     batch = ScenarioSource(load_specification("rural"), crooked(), 5).sample(np.arange(48))
     run = engine.simulate(batch)
-    there, comes = batch.vehicles.valid.copy(), batch.start_lane == 1
-    # Once with the road, once against it: a bend is `ARC` long, and one way from the next.
-    place = batch.start_s % (STRAIGHT + ARC)
-    along = np.maximum(STRAIGHT - place, 0.0)
-    against = np.where(place < STRAIGHT, place, 0.0)
-    way = np.where(comes, against, along)
+    is_compared, is_oncoming = batch.vehicles.valid.copy(), batch.start_lane == 1
+    # Distances along the road and against it; bends of the length `ARC` alternate with straights.
+    s_in_period = batch.start_s % (STRAIGHT + ARC)
+    along = np.maximum(STRAIGHT - s_in_period, 0.0)
+    against = np.where(s_in_period < STRAIGHT, s_in_period, 0.0)
+    distance_to_bend = np.where(is_oncoming, against, along)
     accel, braking = (constant(f"model.steering.bend_{name}") for name in ("accel", "decel"))
-    allowed = np.sqrt(accel * RADIUS + 2.0 * braking * way)
-    # The road is known by stations 2 m apart, as a mean around each: at the end of a bend as half.
-    leaves = np.where(comes, (place >= STRAIGHT) & (place < STRAIGHT + 4.0), place > 346.0)
-    there &= ~leaves
-    assert (batch.start_speed**2 <= allowed**2 + 4.0 * braking + 0.01)[there].all()
-    assert (batch.start_speed > allowed - 1.0)[there].mean() > 0.2
-    line = 1.75 * np.where(comes, 1.0, -1.0)[:, :, None]
-    aside = np.abs(1e-3 * run.states.d[:, :, :100] - line).max(axis=2)
-    assert aside[there].max() < 1.2
+    allowed = np.sqrt(accel * RADIUS + 2.0 * braking * distance_to_bend)
+    # Curvature is stored at stations 2 m apart, as a mean around each: half of it at a bend end.
+    is_at_bend_end = np.where(
+        is_oncoming, (s_in_period >= STRAIGHT) & (s_in_period < STRAIGHT + 4.0), s_in_period > 346.0
+    )
+    is_compared &= ~is_at_bend_end
+    assert (batch.start_speed**2 <= allowed**2 + 4.0 * braking + 0.01)[is_compared].all()
+    assert (batch.start_speed > allowed - 1.0)[is_compared].mean() > 0.2
+    line = 1.75 * np.where(is_oncoming, 1.0, -1.0)[:, :, None]
+    lateral_distance = np.abs(1e-3 * run.states.d[:, :, :100] - line).max(axis=2)
+    assert lateral_distance[is_compared].max() < 1.2
     assert (run.contacts.partner == NO_VEHICLE).all()
 
 
 @pytest.mark.parametrize("kind", ["M", "T", "MC"])
 @pytest.mark.parametrize("radius", [100.0, -100.0, 300.0])
-def test_who_starts_in_a_bend_drives_through_it_as_before(kind: str, radius: float):
+def test_a_vehicle_that_starts_in_a_bend_keeps_its_lane(kind: str, radius: float):
     speed = math.sqrt(2.0 * abs(radius))
     road = on(wide(), (6000.0, 1 / radius, 1 / radius))
     run = lone(road, kind=kind, seconds=10.0, desired_speed=speed, speed=speed)
     rate = speed / (radius + 1.75)  # In the lane right of the reference line.
     assert of(run, "yaw_rate")[0] == pytest.approx(rate, rel=0.01)
-    # Before, up to 1.6 m: drivers took a second to turn the wheels. They wander by 0.3 m.
+    # Drivers wander by 0.3 m. Before, they took a second to turn the wheels: up to 1.6 m.
     assert np.abs(of(run, "d") + 1.75).max() < 0.35
 
 
-def test_a_truck_climbs_as_fast_as_its_power_lifts_it():
+def test_a_truck_climbs_at_the_speed_that_its_power_allows():
     body = body_of("T")
     slope = 0.05
 
     def surplus(speed: float) -> float:
         drag = 0.5 * AIR_DENSITY * body["drag_area"] * speed**2
         weight = body["mass"] * GRAVITY
-        held = drag + weight * (body["rolling_resistance"] + math.sin(math.atan(slope)))
-        return USABLE_POWER * body["power"] - held * speed
+        resistance = drag + weight * (body["rolling_resistance"] + math.sin(math.atan(slope)))
+        return USABLE_POWER * body["power"] - resistance * speed
 
-    crawl = float(np.array(brentq(surplus, 1.0, 40.0)))
+    climbing_speed = float(np.array(brentq(surplus, 1.0, 40.0)))
     road = on(wide(), (6000.0, 0.0, 0.0), grade=((0.0, slope),))
     run = lone(road, seconds=90.0, kind="T", desired_speed=24.0, speed=24.0)
-    assert crawl < 20.0
-    assert of(run, "speed")[-1] == pytest.approx(crawl, rel=0.02)
+    assert climbing_speed < 20.0
+    assert of(run, "speed")[-1] == pytest.approx(climbing_speed, rel=0.02)
 
 
 def test_height_is_the_integral_of_the_slope():
     road = on(wide(), (6000.0, 0.0, 0.0), grade=HILLS)
     s = np.linspace(0.0, 1500.0, 1501)
-    risen = cumulative_trapezoid(road.grade_at(s), s, initial=0.0)
-    np.testing.assert_allclose(road.height_at(s), risen, atol=1e-9)
+    integral = cumulative_trapezoid(road.grade_at(s), s, initial=0.0)
+    np.testing.assert_allclose(road.height_at(s), integral, atol=1e-9)
 
 
 def test_overtakes_in_bends_are_labelled_as_on_straight_roads():
@@ -246,9 +256,9 @@ def test_overtakes_in_bends_are_labelled_as_on_straight_roads():
     batch = ScenarioSource(load_specification("motorway"), known_road("motorway"), 5).sample(
         np.arange(64)
     )
-    hardly = on(batch.road, (batch.road.length, 1e-9, 1e-9))
-    straight, bent = (
+    nearly_straight = on(batch.road, (batch.road.length, 1e-9, 1e-9))
+    straight, curved = (
         label(engine.simulate(dataclasses.replace(batch, road=road)))
-        for road in (batch.road, hardly)
+        for road in (batch.road, nearly_straight)
     )
-    np.testing.assert_array_equal(straight.labels.outcome, bent.labels.outcome)
+    np.testing.assert_array_equal(straight.labels.outcome, curved.labels.outcome)

@@ -82,7 +82,7 @@ def contact(a: Pose, b: Pose, start: tuple[float, float], end: tuple[float, floa
 @pytest.mark.ci
 @given(a=poses, b=poses, start=places, move=moves)
 @settings(max_examples=300)
-def test_boxes_touch_when_shapely_says(
+def test_boxes_touch_in_the_span_that_shapely_computes(
     a: Pose, b: Pose, start: tuple[float, float], move: tuple[float, float]
 ):
     length = math.hypot(*move)
@@ -110,7 +110,7 @@ def test_boxes_touch_when_shapely_says(
 
 
 @given(a=poses, b=poses, move=moves)
-def test_the_contact_normal_is_that_of_the_side_that_is_hit(
+def test_the_contact_normal_is_normal_to_the_side_that_is_hit(
     a: Pose, b: Pose, move: tuple[float, float]
 ):
     length = math.hypot(*move)
@@ -124,7 +124,7 @@ def test_the_contact_normal_is_that_of_the_side_that_is_hit(
     ring = np.array(forbidden.exterior.coords)
     corner = min(np.hypot(*(ring - hit).T))
     if corner < 1e-3:
-        return  # At a corner either side is right.
+        return  # At a corner the normal of either side is right.
     sides = [shapely.LineString(pair) for pair in pairwise(ring)]
     side = min(sides, key=lambda s: s.distance(shapely.Point(*hit)))
     (x0, y0), (x1, y1) = side.coords
@@ -137,11 +137,11 @@ def test_the_contact_normal_is_that_of_the_side_that_is_hit(
 
 @dataclass(slots=True, kw_only=True)
 class Crash:
-    """Two vehicles before and after they may have met.
+    """Two vehicles before and after a possible impact.
 
     Attributes:
-        before: State at the end of a step, the impact not yet dealt with.
-        after: The same with momentum exchanged.
+        before: State at the end of a step, before the exchange of momentum.
+        after: State after the exchange of momentum.
         p: Vehicle parameters.
         hit: The contact.
     """
@@ -163,7 +163,7 @@ def crash(
 
     Args:
         kinds: Classes.
-        place: Centre of the second minus that of the first [m].
+        place: Position of the second centre relative to the first [m].
         motion: Speed ahead, speed to the left and yaw rate of each, in its own axes.
         heading: Of each [rad].
     """
@@ -228,13 +228,13 @@ def energy(state: State, p: VehicleParameters) -> float:
     return total
 
 
-def approach(ran: Crash, state: State) -> float:
+def approach(impact: Crash, state: State) -> float:
     """Speed at which the touching points of a state approach each other along the normal [m/s]."""
-    hit, closing = ran.hit, 0.0
+    hit, closing = impact.hit, 0.0
     for i, lever, sign in ((0, hit.lever_first, 1.0), (1, hit.lever_second, -1.0)):
         ahead, aside = road_velocity(state, i)
-        own = ahead * float(hit.normal_s[0]) + aside * float(hit.normal_d[0])
-        closing += sign * (own + float(state.motion.yaw_rate[i, 0]) * float(lever[0]))
+        normal_speed = ahead * float(hit.normal_s[0]) + aside * float(hit.normal_d[0])
+        closing += sign * (normal_speed + float(state.motion.yaw_rate[i, 0]) * float(lever[0]))
     return closing
 
 
@@ -325,7 +325,7 @@ def test_a_rear_end_at_10_mps_gives_the_closed_form_in_one_dimension(striker: st
     assert float(ran.after.first_contact.time[0, 0]) == pytest.approx(0.078, abs=1e-4)
 
 
-def test_an_off_centre_rear_end_turns_both_the_way_that_mechanics_says():
+def test_an_off_centre_rear_end_turns_both_vehicles_in_the_direction_of_mechanics():
     gap = 0.5 * body_of("M")["length"] * 2.0 - 0.02
     ran = crash(("M", "M"), place=(gap, 1.0), motion=((30.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
     # The struck car is hit on its right rear: pushed forwards there, it turns to the left. The
@@ -346,7 +346,7 @@ def test_vehicles_that_slide_along_each_other_lose_no_speed():
     np.testing.assert_allclose(ran.after.motion.vx[:, 0], [30.0, 25.0], atol=1e-5)
 
 
-def test_the_time_of_a_collision_is_that_of_the_kinematics():
+def test_the_time_of_a_collision_follows_from_kinematics():
     # A standing car 100 m ahead of one whose driver sees nothing: 25 m/s, held by the pedal.
     blind = {"time_gap": 0.0, "desired_speed": 25.0}
     cars = [

@@ -1,4 +1,4 @@
-"""When vehicles touch, in steps of 50 ms and of a millisecond."""
+"""Times of contacts in steps of 50 ms against steps of a millisecond."""
 
 from __future__ import annotations
 
@@ -62,13 +62,13 @@ class World:
         return decide(self.state, self.given, step=self.step, recorder=self.recorder)
 
     def stride(self) -> None:
-        """From one decision to the next at once."""
+        """Advance from one decision to the next in one step."""
         pairs = self.decide()
         advance(self.state, self.given, pairs, step=self.step, steps_at_once=SUBSTEPS)
         self.step += SUBSTEPS
 
     def creep(self) -> None:
-        """The same in steps of a millisecond."""
+        """Advance from one decision to the next in steps of a millisecond."""
         pairs, state = self.decide(), self.state
         given = replace(self.given, constants=self.given.constants.replace(step=FINE))
         state.end_step[:] = 1e9
@@ -82,13 +82,13 @@ class World:
 
 
 def first_contact(state: State) -> float:
-    """When somebody first touched somebody [s]."""
+    """Time of the first contact of any two vehicles [s]."""
     hit = state.first_contact.partner >= 0
     return float(state.first_contact.time[hit].min()) if hit.any() else float("inf")
 
 
 @pytest.mark.parametrize("order", range(12))
-def test_contacts_are_found_to_the_centisecond(order: int):
+def test_contact_times_are_exact_to_a_centisecond(order: int):
     world, before = World(crashes(12)[order]), []
     while not np.isfinite(first_contact(world.state)):
         before = [*before[1 - EARLIER :], (copy.deepcopy(world.state), world.step)]

@@ -1,4 +1,4 @@
-"""Our measures of safety beside those of CommonRoad-CriMe 0.4.5.
+"""Surrogate measures of safety against CommonRoad-CriMe 0.4.5.
 
 `benchmarks/oracles/commonroad_crime.py` made the table, in an environment of its own; it says which
 traits of that version limit the comparison.
@@ -31,7 +31,7 @@ def scenes() -> list[dict[str, float]]:
 
 
 SCENES = scenes()
-STEADY = [one for one in SCENES if one["ego_accel_mps2"] == one["leader_accel_mps2"] == 0.0]
+STEADY = [scene for scene in SCENES if scene["ego_accel_mps2"] == scene["leader_accel_mps2"] == 0.0]
 
 
 def course(scene: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -49,17 +49,17 @@ def course(scene: dict[str, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def times_to_collision(scene: dict[str, float]) -> np.ndarray:
-    """Those at constant accelerations, in each of these frames."""
+    """Times to collision at constant accelerations, in each frame of `course`."""
     return mttc(*course(scene))
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_time_to_collision_at_constant_accelerations_is_that_of_crime(scene):
+def test_the_time_to_collision_at_constant_accelerations_equals_crime(scene):
     assert times_to_collision(scene)[0] == pytest.approx(scene["ttc"], abs=0.0051)
 
 
 @pytest.mark.parametrize("scene", STEADY)
-def test_without_acceleration_both_times_to_collision_are_that_of_crime(scene):
+def test_the_time_to_collision_without_acceleration_equals_crime(scene):
     gap, closing, _ = course(scene)
     assert ttc(gap, closing)[0] == pytest.approx(scene["ttc"], abs=0.0051)
 
@@ -67,38 +67,38 @@ def test_without_acceleration_both_times_to_collision_are_that_of_crime(scene):
 @pytest.mark.parametrize(
     "scene",
     [
-        one
-        for one in SCENES
-        if one["leader_accel_mps2"] == 0.0 and one["ego_speed_mps"] >= one["leader_speed_mps"]
+        scene
+        for scene in SCENES
+        if scene["leader_accel_mps2"] == 0.0 and scene["ego_speed_mps"] >= scene["leader_speed_mps"]
     ],
 )
-def test_the_deceleration_that_avoids_a_collision_is_that_of_crime(scene):
+def test_the_deceleration_that_avoids_a_collision_equals_crime(scene):
     gap, closing, _ = course(scene)
     assert -drac(gap, closing)[0] == pytest.approx(scene["required_accel"], abs=0.0051)
 
 
 @pytest.mark.parametrize("scene", STEADY)
-def test_the_time_gap_is_that_of_crime_to_the_frame(scene):
+def test_the_time_gap_equals_crime_up_to_a_frame(scene):
     measured = float(time_gap(np.float32(scene["gap_m"]), np.float32(scene["ego_speed_mps"])))
-    # CriMe gives the first frame in which the place is passed.
+    # CriMe gives the first frame after the ego passed the position.
     assert scene["time_gap"] - STEP - 1e-4 <= measured <= scene["time_gap"] + 1e-4
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_the_exposed_time_is_that_of_crime(scene):
-    # CriMe compares what it has rounded to 0.01 s.
+def test_the_exposed_time_equals_crime(scene):
+    # CriMe compares values rounded to 0.01 s.
     rounded = np.round(times_to_collision(scene), 2)
     exposed = is_ttc_critical(rounded, THRESHOLD).sum() * STEP
     assert exposed == pytest.approx(scene["time_exposed"], abs=1e-6)
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_the_integrated_time_is_that_of_crime(scene):
+def test_the_integrated_time_equals_crime(scene):
     integrated = ttc_shortfall(times_to_collision(scene), THRESHOLD).sum() * STEP
     assert integrated == pytest.approx(scene["time_integrated"], abs=0.005 * STEPS * STEP)
 
 
 def test_the_table_has_scenes_of_every_kind():
-    assert any(np.isinf(one["ttc"]) for one in SCENES)
-    assert any(one["time_exposed"] > 0 for one in SCENES)
-    assert any(one["ego_accel_mps2"] < 0 for one in SCENES)
+    assert any(np.isinf(scene["ttc"]) for scene in SCENES)
+    assert any(scene["time_exposed"] > 0 for scene in SCENES)
+    assert any(scene["ego_accel_mps2"] < 0 for scene in SCENES)

@@ -18,10 +18,10 @@ DENSE_POINTS = 500_000
 EXP_ULP, LOG_ULP, LOG_ABSOLUTE, SINCOS_ABSOLUTE, ATAN_ULP = 2.0, 2.0, 1e-7, 1e-7, 3.0
 
 
-def ulps(got, want):
-    """Distance in units of the last place of the float32 nearest to `want`."""
-    spacing = np.spacing(np.abs(want).astype(np.float32)).astype(np.float64)
-    return np.abs(got.astype(np.float64) - want) / spacing
+def ulps(computed, exact_values):
+    """Distance in units of the last place of the float32 nearest to `exact_values`."""
+    spacing = np.spacing(np.abs(exact_values).astype(np.float32)).astype(np.float64)
+    return np.abs(computed.astype(np.float64) - exact_values) / spacing
 
 
 def exact(function, points):
@@ -56,8 +56,8 @@ def test_exp_is_within_two_ulp_on_a_dense_grid():
 
 def test_exp_of_zero_is_one_and_beyond_its_range_it_is_clamped():
     x = np.array([0.0, -0.0, -1000.0, -87.0, 1000.0, 88.0], dtype=np.float32)
-    one, also_one, lowest, at_low, highest, at_high = float32_math.exp(x)
-    assert one == also_one == 1.0
+    at_zero, at_minus_zero, lowest, at_low, highest, at_high = float32_math.exp(x)
+    assert at_zero == at_minus_zero == 1.0
     assert lowest == at_low > 0.0
     assert highest == at_high
     assert np.isfinite(at_high)
@@ -66,25 +66,25 @@ def test_exp_of_zero_is_one_and_beyond_its_range_it_is_clamped():
 @pytest.mark.parametrize(("low", "high"), [(1e-37, 3e38), (0.5, 2.0), (0.99, 1.01)])
 def test_log_is_within_its_bound_of_mpmath(low, high):
     x = logarithmic(low, high, MPMATH_POINTS)
-    want = exact(mpmath.log, x)
-    close = np.abs(float32_math.log(x) - want) < LOG_ABSOLUTE
-    assert np.all(close | (ulps(float32_math.log(x), want) < LOG_ULP))
+    expected = exact(mpmath.log, x)
+    close = np.abs(float32_math.log(x) - expected) < LOG_ABSOLUTE
+    assert np.all(close | (ulps(float32_math.log(x), expected) < LOG_ULP))
 
 
 @pytest.mark.parametrize(("low", "high"), [(1e-37, 3e38), (0.5, 2.0)])
 def test_log_is_within_its_bound_on_a_dense_grid(low, high):
     x = logarithmic(low, high, DENSE_POINTS)
-    want = np.log(x.astype(np.float64))
-    close = np.abs(float32_math.log(x) - want) < LOG_ABSOLUTE
-    assert np.all(close | (ulps(float32_math.log(x), want) < LOG_ULP))
+    expected = np.log(x.astype(np.float64))
+    close = np.abs(float32_math.log(x) - expected) < LOG_ABSOLUTE
+    assert np.all(close | (ulps(float32_math.log(x), expected) < LOG_ULP))
 
 
-def test_log_of_one_is_zero_and_what_is_not_positive_counts_as_the_smallest_normal():
+def test_log_treats_numbers_that_are_not_positive_as_the_smallest_normal():
     x = np.array([1.0, 0.0, -0.0, -5.0, 1e-40, np.finfo(np.float32).tiny], dtype=np.float32)
-    one, *rest = float32_math.log(x)
-    assert one == 0.0
-    assert len(set(rest)) == 1
-    assert rest[0] == pytest.approx(float(mpmath.log(2.0**-126)), rel=1e-7)
+    at_one, *not_positive = float32_math.log(x)
+    assert at_one == 0.0
+    assert len(set(not_positive)) == 1
+    assert not_positive[0] == pytest.approx(float(mpmath.log(2.0**-126)), rel=1e-7)
 
 
 @pytest.mark.parametrize("reach", [0.785, 4.0, 100.0, 1000.0])
@@ -135,17 +135,17 @@ def test_functions_do_not_fall_between_neighbouring_floats(name, start):
     assert np.all(np.diff(values) >= 0)
 
 
-def test_power_loses_only_what_its_exponent_magnifies():
+def test_the_error_of_power_is_bounded_by_its_exponent():
     base = logarithmic(1e-3, 1e3, MPMATH_POINTS)
     for exponent in (-2.0, 0.43, 0.59, 1.0, 2.5):
-        got = float32_math.power(base, np.full_like(base, exponent))
+        computed = float32_math.power(base, np.full_like(base, exponent))
         with mpmath.workdps(40):
             power = mpmath.mpf(float(np.float32(exponent)))
-        want = exact(lambda x, power=power: x**power, base)
+        expected = exact(lambda x, power=power: x**power, base)
         # The argument of exp is rounded, and an absolute error there is a relative one after it.
         argument = np.abs(exponent * np.log(base.astype(np.float64)))
         bound = EXP_ULP + 2.0 * (argument + 1.0)
-        assert np.all(ulps(got, want) < bound)
+        assert np.all(ulps(computed, expected) < bound)
 
 
 @given(st.lists(st.floats(-(2.0**99), 2.0**99, width=32), min_size=3, max_size=3))

@@ -174,26 +174,26 @@ def test_engine_and_reference_decide_alike(scene: str, level: str):
     reference = ReferenceSimulation(batch, params)
     wanderers = Wanderers(params, seed=1)
     accel = np.zeros(batch.num_slots, np.float32)
-    step, turned = 0, 0.0
+    step, largest_wheel_angle = 0, 0.0
     while step <= engine.end_step:
         motion = wanderers.move(accel)
         output, expected = engine.decide(motion, step), reference.decide(motion, step)
         for name, row, expected_row in zip(DriverOutput._fields, output, expected, strict=True):
-            got, wanted = np.asarray(row), np.ascontiguousarray(expected_row)
-            if got.ndim:
-                got, wanted = got[is_vehicle], wanted[is_vehicle]
-            assert got.dtype == wanted.dtype, name
-            assert got.tobytes() == wanted.tobytes(), (step, name)
+            values, expected_values = np.asarray(row), np.ascontiguousarray(expected_row)
+            if values.ndim:
+                values, expected_values = values[is_vehicle], expected_values[is_vehicle]
+            assert values.dtype == expected_values.dtype, name
+            assert values.tobytes() == expected_values.tobytes(), (step, name)
         trim = wanderers.drawn(0.002)
         wheel_angle, expected_angle = engine.steer(trim), reference.steer(trim)
         assert wheel_angle[is_vehicle].tobytes() == expected_angle[is_vehicle].tobytes(), step
-        turned = max(turned, float(np.abs(wheel_angle[is_vehicle]).max()))
+        largest_wheel_angle = max(largest_wheel_angle, float(np.abs(wheel_angle[is_vehicle]).max()))
         accel = np.where(is_vehicle, output.requested_accel, 0.0).astype(np.float32)
         step += SUBSTEPS
     recording = engine.finish()
     assert_same_recording(recording, reference.finish())
-    assert turned > 0.0
-    if scene == "one way":  # There was something to agree about.
+    assert largest_wheel_angle > 0.0
+    if scene == "one way":  # The comparison covers a lane change and perceptions.
         assert Stage.PULL_OUT in recording.stage[0]
         assert recording.percepts.valid.any()
 

@@ -55,7 +55,7 @@ def test_friction_is_the_handbooks_table_linear_between_its_knots(
 
 
 @pytest.mark.ci
-def test_friction_never_rises_with_speed_or_water_beyond_what_the_handbook_lets_it():
+def test_friction_rises_with_speed_or_water_only_as_in_the_table_of_the_handbook():
     speeds = np.linspace(0.0, 45.0, 91)
     for film_mm in np.linspace(0.0, 3.0, 31):
         for truck in (0.0, 1.0):
@@ -88,7 +88,7 @@ WORKED_OUT = [
 
 
 @pytest.mark.parametrize(("rain", "path", "wear", "expected"), WORKED_OUT)
-def test_grip_in_rain_is_the_one_worked_out_by_hand(
+def test_the_grip_in_rain_equals_values_worked_out_by_hand(
     rain: float, path: float, wear: float, expected: tuple[float, ...]
 ):
     water = road_surface.lane_film(
@@ -103,11 +103,11 @@ def test_grip_in_rain_is_the_one_worked_out_by_hand(
 
 
 def braking_distance(speed: float, film_mm: float, wear: float) -> float:
-    """Way to a stop with anti-lock brakes, which use 0.95 of the friction [m]."""
+    """Distance to a stop with anti-lock brakes, which use 0.95 of the friction [m]."""
     steps = np.linspace(0.0, speed, 2001, dtype=np.float32)
     v, dv = 0.5 * (steps[1:] + steps[:-1]), float(steps[1])
-    others = [np.full_like(v, one) for one in (film_mm, wear, 0.0)]
-    grip = road_surface.peak_friction(model_constants(), v, *others).astype(np.float64)
+    constant_inputs = [np.full_like(v, value) for value in (film_mm, wear, 0.0)]
+    grip = road_surface.peak_friction(model_constants(), v, *constant_inputs).astype(np.float64)
     return float((v * dv / (0.95 * 9.81 * grip)).sum())
 
 
@@ -122,12 +122,12 @@ reported by others.
 @pytest.mark.parametrize(
     ("film_mm", "new", "worn"), [(0.2, 42.0, 66.0), (0.5, 46.0, 73.0), (1.5, 65.0, 111.0)]
 )
-def test_wet_roads_are_more_slippery_than_measured_by_what_the_page_says(film_mm, new, worn):
-    found = [braking_distance(50.0 * 0.44704, film_mm, wear) for wear in MEASURED]
-    assert found == pytest.approx([new, worn], abs=0.5)
-    assert 1.5 < found[1] / found[0] < 1.8  # Measured: 1.5.
-    for one, measured in zip(found, MEASURED.values(), strict=True):
-        assert 1.6 < one / measured < 2.8
+def test_wet_roads_are_more_slippery_than_measured_by_the_documented_factors(film_mm, new, worn):
+    distances = [braking_distance(50.0 * 0.44704, film_mm, wear) for wear in MEASURED]
+    assert distances == pytest.approx([new, worn], abs=0.5)
+    assert 1.5 < distances[1] / distances[0] < 1.8  # Measured: 1.5.
+    for distance, measured in zip(distances, MEASURED.values(), strict=True):
+        assert 1.6 < distance / measured < 2.8
 
 
 @given(rain=st.floats(1.0, 100.0), path=st.floats(0.5, 30.0))
@@ -185,20 +185,20 @@ def test_puddles_lie_still_and_are_metres_long():
     assert lengths.max() <= 23.0
 
 
-def test_neighbouring_wheel_paths_have_puddles_of_their_own():
+def test_neighbouring_wheel_paths_have_different_puddles():
     s = np.linspace(0.0, 2_000.0, 20_001, dtype=np.float32)
     args = (np.float32(0.3), np.float32(0.6), np.float32(0.8))
     left, right = (
         road_surface.puddle_depth_share(model_constants(), s, np.float32(path), *args) > 0.0
         for path in (4.0, 5.0)
     )
-    both = float(np.mean(left & right))
-    # Were they the same, it would be the share itself, 0.32.
-    assert both < 0.75 * float(np.mean(left))
+    common_share = float(np.mean(left & right))
+    # With the same puddles in both paths the common share would be the share itself, 0.32.
+    assert common_share < 0.75 * float(np.mean(left))
 
 
 @given(st.floats(-(2.0**21), 2.0**21))
-def test_our_floor_is_numpys(x: float):
+def test_our_floor_equals_numpy(x: float):
     value = np.float32(x)
     assert road_surface.floor(value) == np.floor(value)
 

@@ -1,4 +1,4 @@
-"""Car following against the formulas of its authors, and against what they promise."""
+"""Car following against the published formulas, and against properties that they imply."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from overtaking.world.step_parameters import VehicleParameters, step_parameters
 
 EXPONENT = 4.0
 
-# What drivers see without delay, error or limits, so that only the following itself is tested.
+# Perception without delay, error or limits, so that the tests cover only car following.
 PERFECT = EnabledEffects(
     gusts=False, wake=False, range=False, delay=False, distance_error=False, looming=False,
     occlusion=False, mobil=False,
@@ -42,7 +42,7 @@ def person(**changes: float) -> dict[str, float]:
 
 
 def as_fields(driver: dict[str, float], shape: tuple[int, ...]) -> VehicleParameters:
-    """The driver as the model's step sees it, spread over an array."""
+    """The parameters of a driver in the form of a model step, constant over an array."""
     a, b = driver["accel"], driver["decel"]
     numbers = driver | {
         "idm_interaction": 0.5 / math.sqrt(a * b),
@@ -83,8 +83,8 @@ def as_leader(gap: float, closing: float, accel: float = 0.0) -> Leader:
 def textbook(driver: dict[str, float], v: float, v0: float, s: float, dv: float) -> float:
     """Equations 11.15, 11.25 and 11.26 of the book, in float64 [m/s^2]."""
     a, b, s0, t = (driver[name] for name in ("accel", "decel", "min_gap", "time_gap"))
-    wanted = s0 + max(0.0, v * t + v * dv / (2.0 * math.sqrt(a * b)))
-    z = wanted / s
+    desired_gap = s0 + max(0.0, v * t + v * dv / (2.0 * math.sqrt(a * b)))
+    z = desired_gap / s
     if v <= v0:
         free = a * (1.0 - (v / v0) ** EXPONENT)
         if z >= 1.0:
@@ -106,7 +106,7 @@ drivers = st.fixed_dictionaries(
     s=st.floats(1.0, 400.0),
     dv=st.floats(-15.0, 25.0),
 )
-def test_the_acceleration_is_that_of_the_book(
+def test_the_acceleration_equals_the_formulas_of_the_book(
     driver: dict[str, float], v: float, v0: float, s: float, dv: float
 ):
     expected = textbook(driver, v, v0, s, dv)
@@ -120,7 +120,7 @@ def test_the_acceleration_is_that_of_the_book(
 def test_below_the_desired_speed_the_equilibrium_gap_is_exactly_s0_plus_v_t(
     driver: dict[str, float], share: float, v0: float
 ):
-    # Unlike the IDM's, which is s0 + v T over sqrt(1 - (v / v0)^4).
+    # The equilibrium gap of the IDM is different: s0 + v T over sqrt(1 - (v / v0)^4).
     v = share * v0
     gap = driver["min_gap"] + v * driver["time_gap"]
     steep = 2.0 * driver["accel"] / gap * max(1.0, gap)  # Slope in the gap, for its rounding.
@@ -142,7 +142,7 @@ def test_on_a_free_road_the_acceleration_stays_between_a_and_minus_b(
 
 @pytest.mark.ci
 @given(driver=drivers, v=st.floats(1.0, 40.0), dv=st.floats(-10.0, 20.0))
-def test_more_room_or_a_faster_leader_never_asks_for_harder_braking(
+def test_a_larger_gap_or_a_faster_leader_never_gives_harder_braking(
     driver: dict[str, float], v: float, dv: float
 ):
     gaps = np.linspace(1.0, 300.0, 600)
@@ -154,8 +154,8 @@ def test_more_room_or_a_faster_leader_never_asks_for_harder_braking(
     assert (np.diff(across) >= -1e-5 * np.abs(across[:-1]) - 1e-4).all()
 
 
-def test_a_standing_vehicle_is_no_less_of_a_danger_when_its_approach_is_overestimated():
-    # Believed to approach at 24 m/s by one who drives 20: it stands, it does not come closer.
+def test_an_overestimated_closing_speed_to_a_standing_vehicle_gives_harder_braking():
+    # A driver at 20 m/s perceives a closing speed of 24 m/s: the leader counts as standing.
     expected = -(24.0**2) / (2.0 * 50.0)
     accel = cah_accel(model_constants(), np.float32(20.0), as_leader(50.0, 24.0))
     assert float(accel) == pytest.approx(expected, rel=1e-5)
@@ -169,14 +169,16 @@ def needed(v: float, s: float, dv: float, leader: float) -> float:
     return leader - max(dv, 0.0) ** 2 / (2.0 * s)
 
 
-def cool(driver: dict[str, float], wanted: float, least: float) -> float:
+def cool(driver: dict[str, float], iidm: float, heuristic: float) -> float:
     """The ACC model, equation 2.7 of the same paper, with its coolness of 0.99."""
     coolness, b = 0.99, driver["decel"]
-    if wanted >= least:
-        return wanted
+    if iidm >= heuristic:
+        return iidm
     # Our addition: the model's alarm is never above gravity, however small the gap.
-    alarmed = max(wanted, -9.81)
-    return (1.0 - coolness) * alarmed + coolness * (least + b * math.tanh((wanted - least) / b))
+    limited_iidm = max(iidm, -9.81)
+    return (1.0 - coolness) * limited_iidm + coolness * (
+        heuristic + b * math.tanh((iidm - heuristic) / b)
+    )
 
 
 @given(
@@ -187,17 +189,17 @@ def cool(driver: dict[str, float], wanted: float, least: float) -> float:
     ahead=st.floats(0.0, 45.0),
     leader=st.just(0.0) | st.floats(-9.0, -0.1),
 )
-def test_drivers_are_as_cool_as_the_acc_model_and_heed_stop_lamps(
+def test_drivers_follow_the_acc_model_and_heed_stop_lamps(
     driver: dict[str, float], v: float, v0: float, s: float, ahead: float, leader: float
 ):
-    # A leader who brakes with less than 0.1 m/s^2 is left out: behind one who stands the heuristic
-    # divides by 2 s a, which the model keeps from vanishing.
+    # Leaders that brake with less than 0.1 m/s^2 are left out: behind a standing leader the
+    # heuristic divides by 2 s a, for which the model has a lower limit.
     dv = v - ahead
     follower = as_follower(driver, v, v0)
     value = float(acc_accel(model_constants(), follower, as_leader(s, dv, leader)))
     least = needed(v, s, dv, leader)
     expected = cool(driver, textbook(driver, v, v0, s, dv), least)
-    if leader < -0.5:  # Our addition: stop lamps are heeded, wholly below 1 s and not beyond 3 s.
+    if leader < -0.5:  # Our addition: drivers heed stop lamps, fully below 1 s and not beyond 3 s.
         room = (3.0 - s / max(v, 3.0)) / (3.0 - 1.0)
         expected = min(expected, min(max(room, 0.0), 1.0) * least)
     assert value == pytest.approx(expected, rel=2e-3, abs=2e-3)
@@ -212,7 +214,7 @@ def test_braking_as_hard_as_needed_stops_exactly_at_the_bumper(
 ):
     decel = -float(cah_accel(model_constants(), np.float32(v), as_leader(s, v - ahead, leader)))
     if ahead * (v - ahead) >= -2.0 * s * leader:
-        return  # They would meet while both move: another branch, another formula.
+        return  # The vehicles would meet while both move, which is another formula.
     # The leader stops after v^2 / (2 b); the follower has that way and the gap.
     assert v**2 / (2.0 * decel) == pytest.approx(s + ahead**2 / (2.0 * -leader), rel=1e-4)
 
@@ -224,8 +226,8 @@ def imposed(driver: dict[str, float], speed: float, gap: float, closing: float) 
     return float(imposed_accel(model_constants(), vehicle, v, vehicle.time_gap, leader))
 
 
-def test_a_cut_in_by_a_faster_vehicle_frightens_nobody():
-    # 5 m behind someone 1 m/s faster the plain model brakes with 50 m/s^2.
+def test_a_cut_in_by_a_faster_vehicle_causes_no_hard_braking():
+    # 5 m behind a vehicle that is 1 m/s faster, the plain model brakes with 50 m/s^2.
     driver = person()
     follower, leader = as_follower(driver, 30.0, 35.0), as_leader(5.0, -1.0)
     assert float(iidm_accel(model_constants(), follower, leader)) < -20.0
@@ -233,25 +235,25 @@ def test_a_cut_in_by_a_faster_vehicle_frightens_nobody():
 
 
 @given(driver=drivers, v=st.floats(1.0, 40.0), s=st.floats(2.0, 100.0), ahead=st.floats(0.0, 50.0))
-def test_who_follows_at_the_desired_speed_is_braked_but_never_pushed(
+def test_the_imposed_acceleration_at_the_desired_speed_is_never_positive(
     driver: dict[str, float], v: float, s: float, ahead: float
 ):
     dv = v - ahead
-    forced = imposed(driver, v, s, dv)
+    imposed_value = imposed(driver, v, s, dv)
     root = 2.0 * math.sqrt(driver["accel"] * driver["decel"])
-    wanted = driver["min_gap"] + max(0.0, v * driver["time_gap"] + v * dv / root)
-    expected = driver["accel"] * (1.0 - (wanted / s) ** 2)
-    assert forced == pytest.approx(min(0.0, expected), rel=1e-3, abs=1e-3)
+    desired_gap = driver["min_gap"] + max(0.0, v * driver["time_gap"] + v * dv / root)
+    expected = driver["accel"] * (1.0 - (desired_gap / s) ** 2)
+    assert imposed_value == pytest.approx(min(0.0, expected), rel=1e-3, abs=1e-3)
 
 
 @given(driver=drivers, v=st.floats(5.0, 40.0), share=st.floats(0.05, 1.0), dv=st.floats(0.0, 20.0))
-def test_inside_the_comfortable_stopping_distance_nobody_is_asked_for_less_than_must_be_braked(
+def test_the_imposed_braking_within_the_comfortable_stopping_distance_is_as_hard_as_needed(
     driver: dict[str, float], v: float, share: float, dv: float
 ):
     # s* >= v dv / (2 sqrt(a b)), so a (s* / s)^2 >= dv^2 / (2 s) wherever s <= v^2 / (2 b).
     s, closing = share * v**2 / (2.0 * driver["decel"]), min(dv, v)
-    forced = imposed(driver, v, s, closing)
-    assert forced <= driver["accel"] - closing**2 / (2.0 * max(s, 0.5)) + 1e-3
+    imposed_value = imposed(driver, v, s, closing)
+    assert imposed_value <= driver["accel"] - closing**2 / (2.0 * max(s, 0.5)) + 1e-3
 
 
 @pytest.mark.parametrize("speed", [8.0, 15.0, 25.0])
@@ -261,31 +263,35 @@ def test_a_queue_settles_at_the_gap_of_the_formula(speed: float, time_gap: float
     leader = Vehicle(s=400.0, speed=speed, driver={"desired_speed": speed})
     queue = [Vehicle(s=400.0 - 60.0 * k, speed=speed, driver=driver) for k in range(1, 6)]
     world = scenario([*queue, leader], road=wide_road(lanes=1), horizon=120.0)
-    ran = engine.run(world, step_parameters(world, PERFECT))
-    last = int(ran.num_frames[0]) - 1
-    s = ran.states.s[0, :, last] / 1000.0
+    run = engine.run(world, step_parameters(world, PERFECT))
+    last = int(run.num_frames[0]) - 1
+    s = run.states.s[0, :, last] / 1000.0
     lengths = world.vehicles.length[0]
     gaps = [s[5] - s[0], *(s[k] - s[k + 1] for k in range(4))]
-    room = [gap - 0.5 * (lengths[0] + lengths[5]) for gap in gaps]
-    held = ran.states.speed[0, :6, last] / 1000.0
+    net_gaps = [gap - 0.5 * (lengths[0] + lengths[5]) for gap in gaps]
+    speeds = run.states.speed[0, :6, last] / 1000.0
     # The leader's pedals answer v - v0 softly, so it is 1 mm/s short of its own speed at the end.
-    np.testing.assert_allclose(held, speed, rtol=2e-3)
-    np.testing.assert_allclose(room, 2.0 + speed * time_gap, rtol=5e-3)
+    np.testing.assert_allclose(speeds, speed, rtol=2e-3)
+    np.testing.assert_allclose(net_gaps, 2.0 + speed * time_gap, rtol=5e-3)
 
 
-def test_alone_a_driver_accelerates_as_the_free_branch_says():
+def test_a_driver_alone_accelerates_by_the_free_branch_of_the_model():
     a, v0, start = 0.5, 30.0, 15.0
     alone = Vehicle(speed=start, driver=person(accel=a, desired_speed=v0), body={"power": 2e5})
     world = scenario([alone], road=wide_road(), horizon=60.0)
-    ran = engine.run(world, step_parameters(world, PERFECT))
-    times = np.arange(0, ran.num_frames[0], 100) * 0.05
+    run = engine.run(world, step_parameters(world, PERFECT))
+    times = np.arange(0, run.num_frames[0], 100) * 0.05
     # The pedal moves at 2.5 m/s^3, which delays everything by half of a / 2.5 s.
-    late = np.maximum(times - 0.5 * a / 2.5, 0.0)
-    right = solve_ivp(
-        lambda _, v: a * (1.0 - (v / v0) ** EXPONENT), (0.0, 60.0), [start], t_eval=late, rtol=1e-8
+    delayed_times = np.maximum(times - 0.5 * a / 2.5, 0.0)
+    solution = solve_ivp(
+        lambda _, v: a * (1.0 - (v / v0) ** EXPONENT),
+        (0.0, 60.0),
+        [start],
+        t_eval=delayed_times,
+        rtol=1e-8,
     )
-    speeds = ran.states.speed[0, 0, : ran.num_frames[0] : 100] / 1000.0
-    np.testing.assert_allclose(speeds, right.y[0], rtol=2e-3)
+    speeds = run.states.speed[0, 0, : run.num_frames[0] : 100] / 1000.0
+    np.testing.assert_allclose(speeds, solution.y[0], rtol=2e-3)
 
 
 @st.composite
@@ -304,15 +310,15 @@ def queues(draw: st.DrawFn) -> list[Vehicle]:
 
 @given(rows=st.lists(queues(), min_size=8, max_size=8))
 @settings(max_examples=8)
-def test_from_a_safe_start_nobody_ever_touches(rows: list[list[Vehicle]]):
+def test_a_queue_with_a_safe_start_has_no_contact(rows: list[list[Vehicle]]):
     world = scenario(*rows, road=wide_road(lanes=1), horizon=90.0)
-    ran = engine.run(world, step_parameters(world, PERFECT))
-    assert (ran.contacts.partner == 255).all()
-    s, lengths = ran.states.s[:, :4] / 1000.0, world.vehicles.length[:, :4]
+    run = engine.run(world, step_parameters(world, PERFECT))
+    assert (run.contacts.partner == 255).all()
+    s, lengths = run.states.s[:, :4] / 1000.0, world.vehicles.length[:, :4]
     order = [3, 0, 1, 2]
     for ahead, behind in pairwise(order):
         reach = 0.5 * (lengths[:, ahead] + lengths[:, behind])
         gap = s[:, ahead] - s[:, behind] - reach[:, None]
-        assert gap[ran.frame_mask].min() > 0.3
-    ends = ran.states.speed[np.arange(8), :3, ran.num_frames[:, None] - 1]
+        assert gap[run.frame_mask].min() > 0.3
+    ends = run.states.speed[np.arange(8), :3, run.num_frames[:, None] - 1]
     assert (ends < 500).all()

@@ -1,4 +1,4 @@
-"""An ego that sees less, or has less friction, than it knows: alike in both implementations."""
+"""An ego with less sight or less friction than it assumes: equal in both implementations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ DRAWN = ScenarioSource(
 
 @pytest.mark.ci
 @pytest.mark.parametrize(("name", "value"), [("attention_range", 30.0), ("max_friction", 0.1)])
-def test_an_impaired_ego_moves_otherwise_and_in_both_the_same_way(name: str, value: float):
+def test_an_impaired_ego_moves_differently_and_equally_in_both_implementations(
+    name: str, value: float
+):
     plain = step_parameters(DRAWN)
     vehicle = plain.vehicle_table.copy()
     vehicle[VEHICLE_FIELDS.index(name), EGO_SLOT] = value
@@ -33,12 +35,12 @@ def test_an_impaired_ego_moves_otherwise_and_in_both_the_same_way(name: str, val
     assert (fast.trace_hash != engine.simulate(DRAWN).trace_hash).any()
 
 
-def test_nobody_brakes_harder_than_the_friction_allows():
+def test_drivers_brake_at_most_as_hard_as_the_friction_allows():
     plain = step_parameters(DRAWN)
     plain.vehicle_table[VEHICLE_FIELDS.index("max_friction")] = 0.1
     ran = engine.run(DRAWN, plain)
     untouched = ran.contacts.partner == NO_VEHICLE
-    # Friction times gravity, and what drag, rolling and wind brake [mm/s^2].
+    # Friction times gravity, and 1 m/s^2 for drag, rolling resistance and wind [mm/s^2].
     assert untouched.sum() > 3
     assert ran.states.accel_lon[untouched].min() > -(0.1 * 9810 + 1000)
     assert engine.simulate(DRAWN).states.accel_lon.min() < -(0.1 * 9810 + 1000)

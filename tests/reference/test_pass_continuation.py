@@ -1,4 +1,4 @@
-"""How a pass goes on where time runs short: back behind the other, or into the room ahead."""
+"""Passes that run short of time: the driver falls back, or returns into the gap ahead."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from overtaking.model.trajectories import Trajectories
 
 
-def test_an_ego_that_meets_an_unusually_fast_one_falls_back():
+def test_an_ego_falls_back_if_the_oncoming_vehicle_is_unusually_fast():
     scenes = [
         pair(gap, comes=75.0, gap_demand_factor=0.2) for gap in np.arange(200.0, 1500.0, 25.0)
     ]
@@ -33,21 +33,27 @@ def test_an_ego_that_meets_an_unusually_fast_one_falls_back():
         assert run.states.s[row, 0, frame] < run.states.s[row, 1, frame]
 
 
-def test_another_that_meets_an_unusually_fast_one_falls_back():
+def test_another_driver_falls_back_if_the_oncoming_vehicle_is_unusually_fast():
     gaps = np.arange(300.0, 1500.0, 50.0)
     scenes = [with_another(gap, comes=70.0, gap_demand_factor=0.1) for gap in gaps]
     run = simulated(*scenes, horizon=30.0)
     s, last = run.states.s, run.num_frames - 1
-    tried = [row for row, away in enumerate(beyond(run, 2)) if len(away)]
+    tried = [
+        row for row, frames_in_other_lane in enumerate(beyond(run, 2)) if len(frames_in_other_lane)
+    ]
     behind = [s[row, 2, last[row]] < s[row, 1, last[row]] for row in tried]
     back = [run.states.lane[row, 2, last[row]] == 0 for row in tried]
-    gave_up = [row for row, one, other in zip(tried, behind, back, strict=True) if one and other]
+    gave_up = [
+        row
+        for row, is_behind, is_back in zip(tried, behind, back, strict=True)
+        if is_behind and is_back
+    ]
     assert gave_up
     for row in gave_up:
         assert run.states.accel_lon[row, 2].min() < -2000
 
 
-def test_nobody_returns_beside_another_however_short_of_time():
+def test_an_ego_short_of_time_does_not_return_beside_a_vehicle():
     scenes = [
         platoon(room, gap, gap_demand_factor=0.0)
         for room in (8.0, 15.0, 25.0, 40.0)
@@ -58,38 +64,40 @@ def test_nobody_returns_beside_another_however_short_of_time():
     rows = np.flatnonzero(returns.any(axis=1))
     assert len(rows) > 10
     frame = returns.argmax(axis=1)[rows]
-    place = run.states.s[rows, :3, frame].astype(float) / 1e3
+    position = run.states.s[rows, :3, frame].astype(float) / 1e3
     length = run.scenario.vehicles.length[rows, :3]
-    apart = np.abs(place[:, 1:] - place[:, :1]) - 0.5 * (length[:, 1:] + length[:, :1])
-    assert apart.min() > 0.0
-    # Some are short of time: they leave less than half a second to one of them.
-    assert apart.min() < 9.0
+    gap = np.abs(position[:, 1:] - position[:, :1]) - 0.5 * (length[:, 1:] + length[:, :1])
+    assert gap.min() > 0.0
+    # Some drivers are short of time and leave less than half a second to a neighbour.
+    assert gap.min() < 9.0
 
 
 def longest_beside(run: Trajectories, row: int) -> float:
-    """For how long the ego stays beside a vehicle that it passes, though somebody comes [s].
+    """Longest time that the ego stays beside a vehicle with an oncoming vehicle ahead [s].
 
-    It is past the middle of the other, has less than 3 m to it, and less than 2 m/s of difference
-    in speed; somebody comes whom it would meet within 15 s.
+    The ego is past the middle of the vehicle, less than 3 m from it, and less than 2 m/s faster or
+    slower. It would meet the oncoming vehicle within 15 s.
     """
     states, specs = run.states, run.scenario.vehicles
-    along = specs.valid[row] & (run.scenario.start_lane[row] == 0)
-    along[0] = False
-    apart = (states.s[row, 0] - states.s[row]) / 1e3
-    along = along[:, None] & (apart > 0.0)
-    apart = apart - 0.5 * (specs.length[row, :, None] + specs.length[row, 0])
-    level = np.abs(states.speed[row].astype(float) - states.speed[row, 0]) < 2000
+    is_passed = specs.valid[row] & (run.scenario.start_lane[row] == 0)
+    is_passed[0] = False
+    gap = (states.s[row, 0] - states.s[row]) / 1e3
+    is_passed = is_passed[:, None] & (gap > 0.0)
+    gap = gap - 0.5 * (specs.length[row, :, None] + specs.length[row, 0])
+    is_equally_fast = np.abs(states.speed[row].astype(float) - states.speed[row, 0]) < 2000
     frames = np.arange(states.s.shape[2])
     time, _, _ = meeting(run, np.full_like(frames, row), frames)
-    stays = ((apart < 3.0) & level & along).any(axis=0) & (run.stage[row] == Stage.PASS)
-    stays = stays & (time < 15.0) & run.frame_mask[row]
-    edges = np.flatnonzero(np.diff(stays, prepend=False, append=False))
+    is_beside = ((gap < 3.0) & is_equally_fast & is_passed).any(axis=0) & (
+        run.stage[row] == Stage.PASS
+    )
+    is_beside = is_beside & (time < 15.0) & run.frame_mask[row]
+    edges = np.flatnonzero(np.diff(is_beside, prepend=False, append=False))
     return 0.05 * float(max(edges[1::2] - edges[::2], default=0))
 
 
 @pytest.mark.ci
-def test_nobody_stays_beside_another_with_neither_time_nor_room():
-    """Number 319 stayed beside another for 7.5 s before: no room, and not trapped."""
+def test_an_ego_with_neither_time_nor_room_does_not_stay_beside_a_vehicle():
+    """Number 319 once stayed beside a vehicle for 7.5 s, without room but not trapped."""
     pressed = {
         "traffic.held_up": 1.0,
         "traffic.flow_vph": [200.0, 400.0],
@@ -105,19 +113,21 @@ def test_nobody_stays_beside_another_with_neither_time_nor_room():
     assert max(longest_beside(run, int(row)) for row in tried) < 2.0
 
 
-def test_who_is_pressed_returns_behind_a_slow_vehicle_and_brakes_on_the_way():
+def test_an_ego_short_of_time_brakes_to_return_behind_a_slow_vehicle():
     first, leader, comes = pair(620.0, gap_demand_factor=0.2, comes=28.0, passing_time_factor=0.8)
     slow = Vehicle(kind="M", s=leader.s + 120.0, speed=8.0, driver={"desired_speed": 8.0})
     run = simulated([first, leader, slow, comes], horizon=20.0)
-    out = in_the_other_lane(run, 0)
-    met = np.flatnonzero(run.states.s[0, 3] < run.states.s[0, 0])[0]
-    assert run.states.accel_lon[0, 0, out].min() < -3000
-    assert 0.05 * (met - out[-1]) > 4.0  # 3.1 s if it waited until it need not brake.
+    frames_in_other_lane = in_the_other_lane(run, 0)
+    meeting_frame = np.flatnonzero(run.states.s[0, 3] < run.states.s[0, 0])[0]
+    assert run.states.accel_lon[0, 0, frames_in_other_lane].min() < -3000
+    assert (
+        0.05 * (meeting_frame - frames_in_other_lane[-1]) > 4.0
+    )  # 3.1 s if it returned without braking.
     assert (run.contacts.partner[0] == NO_VEHICLE).all()
 
 
-def test_who_falls_back_touches_nobody_and_stays_on_the_road():
-    """Without the mends the first left the road at a walking pace, the others touched somebody."""
+def test_an_aborting_ego_has_no_contact_and_stays_on_the_road():
+    """Simulations of former faults: the first ego left the road, the others had a contact."""
     numbers = [11703, 199, 4685, 7020, 25921, 27697, 29696]
     slow = load_specification("rural-risk", {"traffic.slow_share": 0.6, "traffic.held_up": 1.0})
     world = ScenarioSource(slow, load_road("rural"), 58).sample(np.array(numbers))

@@ -152,7 +152,7 @@ def test_engine_and_reference_exchange_the_same_momentum(level: str, road: str, 
     assert np.abs(bodies[3:6] - table[3:6]).max() > 1.0
 
 
-def test_two_equal_bodies_share_their_momentum_and_lose_what_restitution_takes():
+def test_two_equal_bodies_exchange_momentum_by_their_restitution():
     """Head-on contact of equal masses: v1' = (1 - e) v / 2, v2' = (1 + e) v / 2."""
     params = params_for(2, "ClearNoon")
     bodies = np.zeros((len(ContactBodies._fields), 2), np.float32)
@@ -170,7 +170,7 @@ def test_two_equal_bodies_share_their_momentum_and_lose_what_restitution_takes()
     )
 
 
-def test_a_second_group_of_vehicles_is_driven_as_a_scenario_of_its_own():
+def test_a_second_group_of_vehicles_drives_like_a_separate_scenario():
     count = _core.MAX_VEHICLES + 1
     params = params_for(count, "HardRainNoon")
     # Groups do not shelter each other.

@@ -1,4 +1,4 @@
-"""Philox against the vectors of its authors and against an implementation that is not ours."""
+"""Philox against the vectors of its authors and against the implementation of randomgen."""
 
 import hypothesis.strategies as st
 import numpy as np
@@ -50,33 +50,33 @@ def one_block(counter, key):
     return tuple(int(word[0]) for word in philox4x32((first, second, third, fourth), key))
 
 
-def whole(low_to_high):
+def as_integer(low_to_high):
     """32-bit words, the lowest first, as one integer."""
-    return sum(word << (32 * place) for place, word in enumerate(low_to_high))
+    return sum(word << (32 * position) for position, word in enumerate(low_to_high))
 
 
 @pytest.mark.parametrize(("counter", "key", "result"), KNOWN_ANSWERS)
-def test_a_block_is_the_published_one(counter, key, result):
+def test_a_block_equals_the_published_result(counter, key, result):
     assert one_block(hexadecimal(counter), hexadecimal(key)) == hexadecimal(result)
 
 
 @settings(max_examples=50, deadline=None)
 @given(st.tuples(WORD, WORD, WORD, WORD), st.tuples(WORD, WORD))
-def test_any_block_is_that_of_another_implementation(counter, key):
+def test_any_block_equals_the_implementation_of_randomgen(counter, key):
     # The other generator counts up before each block, so it starts one below.
-    before = (whole(counter) - 1) % 2**128
-    other = Philox(counter=before, key=whole(key), number=4, width=32)
-    expected = tuple(int(word) for word in np.asarray(other.random_raw(4)))
+    counter_before = (as_integer(counter) - 1) % 2**128
+    generator = Philox(counter=counter_before, key=as_integer(key), number=4, width=32)
+    expected = tuple(int(word) for word in np.asarray(generator.random_raw(4)))
     assert one_block(counter, key) == expected
 
 
 def test_a_block_of_a_stream_is_the_block_of_its_counter():
     index = np.array([5, 2**40 + 7], dtype=np.uint64)
-    got = philox_words(0x0123_4567_89AB_CDEF, index, Stream.DRIVER + 3, 11)
+    words = philox_words(0x0123_4567_89AB_CDEF, index, Stream.DRIVER + 3, 11)
     for row, simulation in enumerate(int(number) for number in index):
         counter = (11, Stream.DRIVER + 3, simulation & 0xFFFF_FFFF, simulation >> 32)
         expected = one_block(counter, (0x89AB_CDEF, 0x0123_4567))
-        assert tuple(int(word[row]) for word in got) == expected
+        assert tuple(int(word[row]) for word in words) == expected
 
 
 @given(st.integers(0, 2**64 - 1), st.integers(0, 2**64 - 50), st.integers(1, 40))
@@ -93,9 +93,9 @@ def test_a_draw_does_not_depend_on_the_batch(seed, first, count):
 def test_streams_simulations_and_seeds_do_not_repeat_each_other():
     index = np.arange(500, dtype=np.uint64)
     streams = np.arange(500, dtype=np.uint32)
-    taken = [PhiloxStream(seed, index[:, None], streams).next_word() for seed in (1, 2)]
-    both = np.stack([np.ravel(block) for block in taken])
-    assert np.unique(both).size > both.size * (1 - 2 * both.size / 2**32)
+    words_of_seeds = [PhiloxStream(seed, index[:, None], streams).next_word() for seed in (1, 2)]
+    all_words = np.stack([np.ravel(block) for block in words_of_seeds])
+    assert np.unique(all_words).size > all_words.size * (1 - 2 * all_words.size / 2**32)
 
 
 @pytest.mark.parametrize("word", [0, 1, 511, 512, 2**31, 2**32 - 1])
@@ -115,7 +115,7 @@ def test_uniform_numbers_are_uniform(draws):
         assert stats.kstest(draws.uniform(), "uniform").pvalue > SMALLEST_P
 
 
-def test_uniform_numbers_fill_the_asked_range(draws):
+def test_uniform_numbers_fill_their_range(draws):
     numbers = draws.uniform(-3.0, 5.0)
     assert stats.kstest(numbers, stats.uniform(-3.0, 8.0).cdf).pvalue > SMALLEST_P
     assert numbers.min() >= -3.0
@@ -133,17 +133,17 @@ def test_a_normal_pair_is_two_independent_normal_numbers(draws):
     first, second = box_muller(draws.uniform(), draws.uniform())
     for numbers in (first, second):
         assert stats.kstest(numbers, "norm").pvalue > SMALLEST_P
-    for one, other in ((first, second), (first**2, second**2)):
-        assert abs(np.corrcoef(one, other)[0, 1]) < 5.0 / np.sqrt(SIMULATIONS)
+    for left, right in ((first, second), (first**2, second**2)):
+        assert abs(np.corrcoef(left, right)[0, 1]) < 5.0 / np.sqrt(SIMULATIONS)
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 1000])
 def test_integers_are_equally_likely(draws, count):
     numbers = draws.integer(count)
-    seen = np.bincount(numbers, minlength=count)
-    assert seen.size == count
+    counts = np.bincount(numbers, minlength=count)
+    assert counts.size == count
     if count > 1:
-        assert stats.chisquare(seen).pvalue > SMALLEST_P
+        assert stats.chisquare(counts).pvalue > SMALLEST_P
 
 
 def test_successive_draws_are_uncorrelated(draws):

@@ -36,39 +36,39 @@ class Runs:
 
     values: dict[int, dict[str, np.ndarray]]
 
-    def at(self, decision: int, name: str) -> np.ndarray:
+    def flat(self, decision: int, name: str) -> np.ndarray:
         return self.values[decision][name].ravel().astype(np.float64)
 
 
-LATER = (0, 20, 40, 80, 160, 400)
+DECISIONS = (0, 20, 40, 80, 160, 400)
 
 
-def started(index: list[int], seed: int = 5) -> StepParameters:
+def gusty_parameters(index: list[int], seed: int = 5) -> StepParameters:
     vehicles = [Vehicle(kind="M", s=30.0 * k, speed=SPEED) for k in range(SLOTS)]
     world = scenario(
         *[vehicles] * len(index), road=wide_road(), index=index, seed=seed,
         weather={"wind": 5.0 * WIND, "wind_direction": math.pi / 2.0},
     )  # fmt: skip
-    given = step_parameters(world)
-    return given
+    parameters = step_parameters(world)
+    return parameters
 
 
 @pytest.fixture(scope="module")
 def runs() -> Runs:
-    given = started(list(range(SIMULATIONS)))
-    state = State.at_start(given)
-    kept = {}
-    for decision in range(LATER[-1] + 1):
-        road_conditions.update_random_processes(state, given, decision)
-        if decision in LATER:
-            kept[decision] = {name: getattr(state.noise, name).copy() for name in NAMES}
-    return Runs(values=kept)
+    parameters = gusty_parameters(list(range(SIMULATIONS)))
+    state = State.at_start(parameters)
+    values = {}
+    for decision in range(DECISIONS[-1] + 1):
+        road_conditions.update_random_processes(state, parameters, decision)
+        if decision in DECISIONS:
+            values[decision] = {name: getattr(state.noise, name).copy() for name in NAMES}
+    return Runs(values=values)
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("decision", LATER)
+@pytest.mark.parametrize("decision", DECISIONS)
 def test_the_variance_is_one_from_the_first_decision_on(runs: Runs, name: str, decision: int):
-    values = runs.at(decision, name)
+    values = runs.flat(decision, name)
     assert abs(values.mean()) < 3.0 / math.sqrt(SAMPLES)
     assert values.var() == pytest.approx(1.0, abs=3.0 * math.sqrt(2.0 / SAMPLES))
 
@@ -76,7 +76,7 @@ def test_the_variance_is_one_from_the_first_decision_on(runs: Runs, name: str, d
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("early", "late"), [(0, 20), (20, 40), (0, 80), (80, 160), (160, 400)])
 def test_the_autocorrelation_falls_exponentially(runs: Runs, name: str, early: int, late: int):
-    value = float(np.mean(runs.at(early, name) * runs.at(late, name)))
+    value = float(np.mean(runs.flat(early, name) * runs.flat(late, name)))
     expected = math.exp(-(late - early) * DECISION / TIMES[name])
     assert value == pytest.approx(expected, abs=3.0 * math.sqrt(2.0 / SAMPLES))
 
@@ -85,7 +85,7 @@ def test_the_autocorrelation_falls_exponentially(runs: Runs, name: str, early: i
 def test_after_a_few_correlation_times_the_values_are_normal(runs: Runs, name: str):
     # 20 s are five correlation times and more. The innovations are uniform, whose excess kurtosis
     # of -1.2 is left to the part (1 - k^2) / (1 + k^2), below 2 %; k: the correlation over 50 ms.
-    values = runs.at(400, name)
+    values = runs.flat(400, name)
     keep = math.exp(-DECISION / TIMES[name])
     expected = -1.2 * (1.0 - keep**2) / (1.0 + keep**2)
     assert kurtosis(values) == pytest.approx(expected, abs=3.0 * math.sqrt(24.0 / SAMPLES))
@@ -94,19 +94,19 @@ def test_after_a_few_correlation_times_the_values_are_normal(runs: Runs, name: s
 
 @pytest.mark.parametrize("name", ["distance_error", "speed_error"])
 def test_slow_processes_begin_bounded_and_become_normal(runs: Runs, name: str):
-    # The first draw is uniform: nobody begins with an error of more than sqrt(3) deviations. Its
+    # The first draw is uniform: no error begins at more than sqrt(3) standard deviations. Its
     # excess kurtosis of -1.2 fades with the fourth power of the correlation, to 2 % after 20 s.
-    assert np.abs(runs.at(0, name)).max() < math.sqrt(3.0)
-    kept = math.exp(-20.0 / TIMES[name])
-    values = runs.at(400, name)
+    assert np.abs(runs.flat(0, name)).max() < math.sqrt(3.0)
+    correlation = math.exp(-20.0 / TIMES[name])
+    values = runs.flat(400, name)
     assert kurtosis(values) == pytest.approx(
-        -1.2 * kept**4, abs=0.01 + 3.0 * math.sqrt(24.0 / SAMPLES)
+        -1.2 * correlation**4, abs=0.01 + 3.0 * math.sqrt(24.0 / SAMPLES)
     )
 
 
 def test_processes_vehicles_and_simulations_are_independent(runs: Runs):
     bound = 4.0 / math.sqrt(SAMPLES)
-    columns = [runs.at(160, name) for name in NAMES]
+    columns = [runs.flat(160, name) for name in NAMES]
     table = np.corrcoef(columns)
     assert np.abs(table - np.eye(len(NAMES))).max() < bound
     for name in NAMES:
@@ -118,22 +118,22 @@ def test_processes_vehicles_and_simulations_are_independent(runs: Runs):
 
 
 def test_a_simulation_has_the_same_gusts_in_any_batch():
-    alone, together = started([77]), started([3, 77, 500])
-    states = [State.at_start(given) for given in (alone, together)]
+    alone, together = gusty_parameters([77]), gusty_parameters([3, 77, 500])
+    states = [State.at_start(parameters) for parameters in (alone, together)]
     for decision in range(30):
-        for state, given in zip(states, (alone, together), strict=True):
-            road_conditions.update_random_processes(state, given, decision)
+        for state, parameters in zip(states, (alone, together), strict=True):
+            road_conditions.update_random_processes(state, parameters, decision)
     for name in NAMES:
-        one, three = (getattr(state.noise, name) for state in states)
-        np.testing.assert_array_equal(one[:, 0], three[:, 1])
-        assert (one[:, 0] != three[:, 0]).all()
+        single, batch = (getattr(state.noise, name) for state in states)
+        np.testing.assert_array_equal(single[:, 0], batch[:, 1])
+        assert (single[:, 0] != batch[:, 0]).all()
 
 
 def test_another_seed_gives_other_gusts():
     states = []
     for seed in (5, 6):
-        given = started([1], seed)
-        state = State.at_start(given)
-        road_conditions.update_random_processes(state, given, 0)
+        parameters = gusty_parameters([1], seed)
+        state = State.at_start(parameters)
+        road_conditions.update_random_processes(state, parameters, 0)
         states.append(state)
     assert (states[0].noise.gust != states[1].noise.gust).all()

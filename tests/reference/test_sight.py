@@ -1,4 +1,4 @@
-"""How far roads that bend and rise show themselves, against closed formulas."""
+"""Sight distances on roads with bends and crests, against closed formulas."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def two_way() -> Road:
 
 
 def bent(*parts: tuple[float, float, float], **course) -> Road:
-    """The road along pieces of a length and a curvature at both ends."""
+    """The two-way road along segments of (length, curvature at begin, curvature at end)."""
     pieces, x, y, heading = [], 0.0, 0.0, 0.0
     for length, begin, end in parts:
         pieces.append(CurveSegment(x, y, heading, length, begin, end))
-        there = ReferenceLine.from_segments(pieces[-1:]).pose_at(length)
-        x, y, heading = float(there.x), float(there.y), float(there.heading)
+        end_pose = ReferenceLine.from_segments(pieces[-1:]).pose_at(length)
+        x, y, heading = float(end_pose.x), float(end_pose.y), float(end_pose.heading)
     return dataclasses.replace(two_way(), course=RoadCourse(segments=tuple(pieces), **course))
 
 
@@ -54,75 +54,79 @@ def over(radius: float) -> Road:
 @pytest.mark.parametrize(("radius", "sight"), [(200, 90), (400, 127), (700, 167), (1500, 245)])
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 @pytest.mark.parametrize("direction", [1, -1])
-def test_a_bend_shows_what_a_chord_past_its_inside_shows(
+def test_the_sight_distance_in_a_bend_is_the_chord_past_its_inside(
     radius: float, sight: float, turn: float, direction: int
 ):
     """S = 2 R acos(1 - m / R), R to the middle of the lane inside."""
     # The middle of the lanes is 1.75 m beside the line that the stations are counted along.
     line = radius + 1.75
     road = bent((LENGTH, turn / line, turn / line))
-    closed = 2.0 * radius * math.acos(1.0 - CLEARANCE / radius)
-    assert closed == pytest.approx(sight, abs=0.6)
+    formula = 2.0 * radius * math.acos(1.0 - CLEARANCE / radius)
+    assert formula == pytest.approx(sight, abs=0.6)
     middle = 0.5 * LENGTH if direction > 0 else 0.5 * LENGTH + 1.0
-    found = float(sight_at(road, middle, direction)) * radius / line
-    assert found == pytest.approx(closed, abs=0.5)
+    visible = float(sight_at(road, middle, direction)) * radius / line
+    assert visible == pytest.approx(formula, abs=0.5)
 
 
 @pytest.mark.parametrize(
     ("radius", "sight"), [(4_000, 186), (10_000, 294), (16_000, 372), (30_000, 509)]
 )
 @pytest.mark.parametrize("direction", [1, -1])
-def test_a_crest_shows_what_is_above_its_tangent(radius: float, sight: float, direction: int):
+def test_the_sight_distance_over_a_crest_follows_its_tangent(
+    radius: float, sight: float, direction: int
+):
     """S = sqrt(2 R) (sqrt(a) + sqrt(b)), from a truck a quarter farther."""
-    found, closed = visible_distance(over(radius), direction), []
-    assert found is not None
-    for eye, seen in ((CAR, found.over_crests), (TRUCK, found.over_crests_from_truck)):
-        closed.append(math.sqrt(2.0 * radius) * (math.sqrt(eye) + math.sqrt(CAR)))
-        # Before the top, so that the way seen is on the crest.
-        s = 0.5 * LENGTH - direction * 0.5 * closed[-1]
-        assert np.interp(s, np.arange(len(seen)) * 2.0, seen) == pytest.approx(closed[-1], abs=1.0)
-    assert closed[0] == pytest.approx(sight, abs=0.6)
-    assert closed[1] / closed[0] == pytest.approx(1.25, abs=0.01)
+    visible, formulas = visible_distance(over(radius), direction), []
+    assert visible is not None
+    for eye, distances in ((CAR, visible.over_crests), (TRUCK, visible.over_crests_from_truck)):
+        formulas.append(math.sqrt(2.0 * radius) * (math.sqrt(eye) + math.sqrt(CAR)))
+        # The eye is before the top, so that the visible distance lies on the crest.
+        s = 0.5 * LENGTH - direction * 0.5 * formulas[-1]
+        assert np.interp(s, np.arange(len(distances)) * 2.0, distances) == pytest.approx(
+            formulas[-1], abs=1.0
+        )
+    assert formulas[0] == pytest.approx(sight, abs=0.6)
+    assert formulas[1] / formulas[0] == pytest.approx(1.25, abs=0.01)
 
 
-def test_sight_runs_out_before_a_bend_and_comes_back_behind_it():
-    """From the straight one sees as far into a bend as the tangent past its inside touches."""
+def test_the_sight_distance_falls_before_a_bend_and_recovers_behind_it():
+    """Sight from a straight into a bend ends at the tangent to the inside of the bend."""
     radius, begin, end = 300.0, 2000.0, 2300.0
     line = radius + 1.75
     road = bent((begin, 0.0, 0.0), (end - begin, -1 / line, -1 / line), (LENGTH, 0.0, 0.0))
-    for before in (50.0, 150.0, 400.0):
+    for distance in (50.0, 150.0, 400.0):
         # From the eye on the tangent of the lane the wall begins at the clearance to its right; it
         # is touched at the angle a, beyond which the line meets the lane again at the angle b.
-        eye = np.array([-before, radius])
+        eye = np.array([-distance, radius])
         angles = np.linspace(0.0, 0.8, 800_001)
         inner = radius - CLEARANCE
         # Height of the line of sight beyond a point of the wall: the lowest line that clears it.
         rise = (inner * np.cos(angles) - eye[1]) / (inner * np.sin(angles) - eye[0])
         steepest = rise.max()
         path = radius * np.cos(angles) - eye[1] - steepest * (radius * np.sin(angles) - eye[0])
-        seen = angles[np.flatnonzero(path < 0.0)[0]] * radius
-        expected = before + seen * line / radius
-        assert float(sight_at(road, begin - before)) == pytest.approx(expected, abs=1.0)
+        visible_arc = angles[np.flatnonzero(path < 0.0)[0]] * radius
+        expected = distance + visible_arc * line / radius
+        assert float(sight_at(road, begin - distance)) == pytest.approx(expected, abs=1.0)
     # Once out of the bend, the straight is seen without a limit.
     assert np.isinf(sight_at(road, end + 60.0))
     assert np.isfinite(sight_at(road, end - 60.0))
 
 
-def test_who_is_seen_sees():
-    """Eyes and what is seen are equally high, so sight is mutual."""
+def test_sight_is_mutual():
+    """Eyes and visible points have the same height, so sight is mutual."""
     road = bent((1500.0, 0.0, 0.0), (300.0, 0.0, 1 / 250), (LENGTH, 1 / 250, 1 / 250),
                 grade=((0.0, 0.04), (900.0, 0.04), (1200.0, -0.04)))  # fmt: skip
     s = np.arange(0.0, 3000.0, 2.0)
-    there = s + sight_at(road, s)
-    s, there = s[there < 3000.0], there[there < 3000.0]
+    visible_s = s + sight_at(road, s)
+    s, visible_s = s[visible_s < 3000.0], visible_s[visible_s < 3000.0]
     assert len(s) > 1000
-    back = there - sight_at(road, there, -1)
-    # Before a crest centimetres there are metres here: one of both ways tells places apart.
-    again = back + sight_at(road, back)
-    assert np.minimum(np.abs(back - s), np.abs(again - there)).max() < 2.0
+    s_back = visible_s - sight_at(road, visible_s, -1)
+    # Before a crest centimetres ahead are metres here, so one of both directions must agree.
+    visible_s_again = s_back + sight_at(road, s_back)
+    assert np.minimum(np.abs(s_back - s), np.abs(visible_s_again - visible_s)).max() < 2.0
 
 
-def test_straight_level_and_stated_roads_are_left_as_they_are():
+def test_straight_roads_have_unlimited_sight_and_stated_sight_is_kept():
     assert np.isinf(sight_at(two_way(), [0.0, 500.0])).all()
     slope = dataclasses.replace(two_way(), course=RoadCourse(grade=((0.0, 0.05),)))
     assert np.isinf(sight_at(slope, [0.0, 500.0])).all()
@@ -131,7 +135,7 @@ def test_straight_level_and_stated_roads_are_left_as_they_are():
     assert not all_zones_for(stated, 1)
 
 
-def test_places_are_where_one_sees_too_little():
+def test_zones_cover_bends_and_crests_with_too_little_sight():
     """Bends below the 50 m of Article 19, crests below the 280 m that are needed at 90 km/h."""
     assert not all_zones_for(bent((LENGTH, 1 / 100, 1 / 100)), 1)
     sharp = bent((1000.0, 0.0, 0.0), (60.0, 1 / 40, 1 / 40), (LENGTH, 0.0, 0.0))
@@ -146,9 +150,9 @@ def test_places_are_where_one_sees_too_little():
         (LENGTH - crest.stop, LENGTH - crest.start), abs=2.0
     )
     assert not all_zones_for(over(10_000.0), 1)
-    own = RoadZone(kind=ZoneKind.JUNCTION, start=5.0, stop=6.0)
-    course = dataclasses.replace(over(10_000.0).course or RoadCourse(), zones=(own,))
-    assert all_zones_for(dataclasses.replace(two_way(), course=course), 1) == (own,)
+    junction = RoadZone(kind=ZoneKind.JUNCTION, start=5.0, stop=6.0)
+    course = dataclasses.replace(over(10_000.0).course or RoadCourse(), zones=(junction,))
+    assert all_zones_for(dataclasses.replace(two_way(), course=course), 1) == (junction,)
 
 
 @pytest.mark.ci
@@ -164,8 +168,8 @@ def test_both_engines_see_equally_far():
     assert not difference(engine.simulate(world), expected)
 
 
-def test_nobody_passes_on_an_empty_road_that_it_does_not_see():
-    """An unseen road counts as an oncomer at its end."""
+def test_the_ego_does_not_pass_on_an_empty_road_without_sight():
+    """An unseen road counts as an oncoming vehicle at the end of sight."""
     hidden = bent((LENGTH, 1 / 400, 1 / 400))
     assert hidden.course is not None
     course = dataclasses.replace(hidden.course, sight=((0.0, 1000.0),))

@@ -29,7 +29,9 @@ def vehicle(kind: str, speed: float = SPEED, **body: float) -> Vehicle:
 @pytest.mark.parametrize(
     ("label", "kmh"), [(label, kmh) for label, case in drives.OPEN.items() for kmh in case.speeds]
 )
-def test_what_wheel_pedals_and_wind_do_is_as_scipy_says(label: str, kmh: float, kind: str):
+def test_the_motion_by_wheel_pedals_and_wind_equals_the_integration_by_scipy(
+    label: str, kmh: float, kind: str
+):
     share, of_what = drives.open_error(kind, label, kmh)
     assert share <= WORST, of_what
 
@@ -65,84 +67,84 @@ EXPLICIT = {
         140: (37.1, 0.93, 1.26),
     },
 }
-"""Errors of five explicit steps of 10 ms in place of one of 50 ms: place [mm], heading [mrad] and
-yaw rate [mrad/s], by speed [km/h]. Model version 1 moved vehicles so."""
+"""Errors of five explicit steps of 10 ms instead of one of 50 ms: position [mm], heading [mrad] and
+yaw rate [mrad/s], by speed [km/h]. Model version 1 used these steps."""
 
 
 @pytest.mark.ci
 @pytest.mark.parametrize("label", drives.CLOSED)
-def test_a_driver_in_the_loop_drives_as_in_steps_of_a_millisecond(label: str):
-    for kmh, away in drives.closed_errors(label).items():
-        assert (1000.0 * away <= EXPLICIT[label][kmh]).all(), kmh
-        assert away[0] < 0.015
+def test_a_driver_of_a_car_drives_like_in_steps_of_a_millisecond(label: str):
+    for kmh, errors in drives.closed_errors(label).items():
+        assert (1000.0 * errors <= EXPLICIT[label][kmh]).all(), kmh
+        assert errors[0] < 0.015
 
 
 @pytest.mark.ci
 @pytest.mark.parametrize("label", ["dry, 4 s", "gust of 12 m/s"])
-def test_a_rider_in_the_loop_does_so_too(label: str):
-    # A two-wheeler's yaw rate is that of the middle of a step, so it is not compared.
-    for kmh, away in drives.closed_errors(label, ("MC",)).items():
-        assert away[0] < 0.003, kmh
-        assert away[1] < 0.0005, kmh
+def test_a_rider_drives_like_in_steps_of_a_millisecond(label: str):
+    # The yaw rate of a two-wheeler is from the middle of a step, so the test ignores it.
+    for kmh, errors in drives.closed_errors(label, ("MC",)).items():
+        assert errors[0] < 0.003, kmh
+        assert errors[1] < 0.0005, kmh
 
 
 @pytest.mark.parametrize(
-    ("kind", "one", "two"), [("M", 0.63, 2.7), ("V", 0.80, 3.5), ("T", 0.43, 2.0)]
+    ("kind", "after_1_s", "after_2_s"), [("M", 0.63, 2.7), ("V", 0.80, 3.5), ("T", 0.43, 2.0)]
 )
 def test_a_side_wind_moves_vehicles_as_far_as_an_earlier_study_found(
-    kind: str, one: float, two: float
+    kind: str, after_1_s: float, after_2_s: float
 ):
-    # A separate implementation by others of the same equations; its drifts are rounded to two
-    # digits, and it integrated with a coarser step: 4 %.
+    # An independent implementation of the same equations; its drifts are rounded to two digits, and
+    # its step was coarser: 4 %.
     sky = {"wind": 100.0, "wind_direction": math.pi / 2.0}
-    moved = bench(vehicle(kind), sky=sky).drive(2.0)["d"][:, 0]
-    assert moved[20] - moved[0] == pytest.approx(one, rel=0.04)
-    assert moved[40] - moved[0] == pytest.approx(two, rel=0.04)
+    lateral_position = bench(vehicle(kind), sky=sky).drive(2.0)["d"][:, 0]
+    assert lateral_position[20] - lateral_position[0] == pytest.approx(after_1_s, rel=0.04)
+    assert lateral_position[40] - lateral_position[0] == pytest.approx(after_2_s, rel=0.04)
 
 
 @pytest.mark.parametrize("kind", ["S", "T"])
 def test_the_error_shrinks_with_the_step_at_second_order(kind: str):
     label = "wheel 0.02 sin, 0.5 Hz"
-    wanted = drives.truth(kind, label, 100)["heading"]
-    away = []
-    for step, every in ((0.05, 1), (0.025, 2)):
+    exact_heading = drives.truth(kind, label, 100)["heading"]
+    errors = []
+    for step, stride in ((0.05, 1), (0.025, 2)):
         psi = drives.driven(kind, drives.OPEN[label], 100, step)["heading"]
-        away.append(np.abs(psi[::every] - wanted).max())
-    assert away[0] / away[1] == pytest.approx(4.0, rel=0.15)
+        errors.append(np.abs(psi[::stride] - exact_heading).max())
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.15)
 
 
 def commonroad(number: int) -> tuple[Any, dict[str, float]]:
-    """A vehicle of CommonRoad and the same one in our terms."""
-    theirs = (parameters_vehicle1, parameters_vehicle2)[number - 1]()
-    stiffness = -theirs.tire.p_ky1  # Per load: their friction times their coefficient.
-    return theirs, {
-        "mass": theirs.m,
-        "wheelbase": theirs.a + theirs.b,
-        "cg_to_front": theirs.a,
-        "cg_height": theirs.h_s,
-        "yaw_inertia": theirs.I_z,
+    """A vehicle of CommonRoad and the same vehicle in our parameters."""
+    crm_vehicle = (parameters_vehicle1, parameters_vehicle2)[number - 1]()
+    stiffness = -crm_vehicle.tire.p_ky1  # Per load: their friction times their coefficient.
+    return crm_vehicle, {
+        "mass": crm_vehicle.m,
+        "wheelbase": crm_vehicle.a + crm_vehicle.b,
+        "cg_to_front": crm_vehicle.a,
+        "cg_height": crm_vehicle.h_s,
+        "yaw_inertia": crm_vehicle.I_z,
         "front_stiffness": stiffness,
         "rear_stiffness": stiffness,
         "drag_area": 0.0,
         "rolling_resistance": 0.0,
-        "launch_accel": theirs.longitudinal.a_max,
+        "launch_accel": crm_vehicle.longitudinal.a_max,
         "power": 1e9,
     }
 
 
 @pytest.mark.parametrize("number", [1, 2])
-@pytest.mark.parametrize(("accel", "same"), [(0.0, 0.01), (-2.0, 0.025), (1.5, 0.025)])
-def test_at_small_slip_the_model_is_that_of_commonroad(number: int, accel: float, same: float):
+@pytest.mark.parametrize(("accel", "tolerance"), [(0.0, 0.01), (-2.0, 0.025), (1.5, 0.025)])
+def test_at_small_slip_the_model_equals_commonroad(number: int, accel: float, tolerance: float):
     # Their tyres are linear. Ours give z less, as a share, where z = C tan(slip) / (3 mu F_z): the
     # wheel angle is so small (slip below 0.03 degrees) that this is under 0.3 %. They also omit the
     # part across the vehicle of the force along a turned wheel, x_f sin(delta): beside the side
     # force this is 1 to 2 % at the accelerations here.
-    theirs, body = commonroad(number)
+    crm_vehicle, body = commonroad(number)
     speed, angle, until = 25.0, 0.0003, 2.0
-    test = bench(vehicle("M", speed, **body), friction=theirs.tire.p_dy1)
+    test = bench(vehicle("M", speed, **body), friction=crm_vehicle.tire.p_dy1)
     ours = test.drive(until, lambda b, _: b.hold(wheel=angle, accel=accel))
     result = solve_ivp(
-        lambda _, x: vehicle_dynamics_st(x, [0.0, accel], theirs),
+        lambda _, x: vehicle_dynamics_st(x, [0.0, accel], crm_vehicle),
         (0.0, until),
         [0.0, 0.0, angle, speed, 0.0, 0.0, 0.0],
         t_eval=[0.5, 1.0, 2.0],
@@ -153,7 +155,7 @@ def test_at_small_slip_the_model_is_that_of_commonroad(number: int, accel: float
     for row, k in enumerate((10, 20, 40)):
         assert ours["vx"][k, 0] == pytest.approx(v[row], rel=1e-3)
         slip = math.atan2(ours["vy"][k, 0], ours["vx"][k, 0])
-        assert ours["yaw_rate"][k, 0] == pytest.approx(r[row], rel=same)
-        assert ours["heading"][k, 0] == pytest.approx(psi[row], rel=same + 0.01)
-        assert slip == pytest.approx(beta[row], rel=same + 0.01, abs=1e-5)
-        assert ours["d"][k, 0] - ours["d"][0, 0] == pytest.approx(y[row], rel=same + 0.02)
+        assert ours["yaw_rate"][k, 0] == pytest.approx(r[row], rel=tolerance)
+        assert ours["heading"][k, 0] == pytest.approx(psi[row], rel=tolerance + 0.01)
+        assert slip == pytest.approx(beta[row], rel=tolerance + 0.01, abs=1e-5)
+        assert ours["d"][k, 0] - ours["d"][0, 0] == pytest.approx(y[row], rel=tolerance + 0.02)

@@ -96,7 +96,7 @@ def test_on_a_film_the_distance_is_the_integral_over_the_table():
 
 
 @pytest.mark.parametrize(("friction", "metres"), [(0.76, 125.0), (0.56, 151.0), (0.32, 227.0)])
-def test_the_stopping_distance_from_120_kmh_is_the_one_worked_out_by_hand(
+def test_the_stopping_distance_from_120_kmh_equals_the_value_worked_out_by_hand(
     friction: float, metres: float
 ):
     # 1.5 s at 33.3 m/s, then v^2 / (2 mu g); rounded to a metre.
@@ -105,9 +105,9 @@ def test_the_stopping_distance_from_120_kmh_is_the_one_worked_out_by_hand(
     assert float(value) == pytest.approx(metres, abs=0.6)
 
 
-def test_the_speed_that_stops_in_sight_undoes_the_stopping_distance():
+def test_the_stoppable_speed_is_the_inverse_of_the_stopping_distance():
     speed, time, decel = np.meshgrid([5.0, 20.0, 40.0], [0.5, 1.2, 2.5], [1.0, 4.0, 8.0])
-    given = [part.astype(np.float32) for part in (speed, time, decel)]
-    distance = stopping_distance(*given)
+    inputs = [part.astype(np.float32) for part in (speed, time, decel)]
+    distance = stopping_distance(*inputs)
     # Float32: the square root of a difference loses two digits of seven at worst.
-    np.testing.assert_allclose(stoppable_speed(distance, given[1], given[2]), speed, rtol=2e-5)
+    np.testing.assert_allclose(stoppable_speed(distance, inputs[1], inputs[2]), speed, rtol=2e-5)

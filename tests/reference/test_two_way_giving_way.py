@@ -1,4 +1,4 @@
-"""Who gives way to somebody that comes in its lane."""
+"""Drivers give way to an oncoming vehicle in their lane."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tests.support.two_way import pair, simulated, with_an_oncomer_that_overtake
 from overtaking.model.trajectories import Lights, Stage
 
 
-def test_who_meets_an_overtaker_flashes_brakes_and_moves_aside():
+def test_an_oncoming_driver_flashes_brakes_and_moves_aside_for_an_overtaking_ego():
     run = simulated(pair(420.0, gap_demand_factor=0.0, lead=15.0), horizon=12.0)
     lights, lateral = run.states.lights[0, 2], run.states.d[0, 2] / 1e3
     flashing = np.flatnonzero(lights & Lights.HIGH_BEAM)
@@ -19,8 +19,9 @@ def test_who_meets_an_overtaker_flashes_brakes_and_moves_aside():
     assert lateral.max() > 1.75 + 0.4
 
 
-def test_the_ego_brakes_and_moves_over_for_who_comes_in_its_lane():
-    # A van that comes is passed by one that does not look far: it reckons with half of its need.
+def test_the_ego_flashes_brakes_and_moves_aside_for_a_vehicle_in_its_lane():
+    # A driver with a gap demand of 0, which counts on half of the needed time, overtakes an
+    # oncoming van.
     scenes = [
         with_an_oncomer_that_overtakes(gap, gap_demand_factor=0.0, desired_speed=40.0)
         for gap in np.arange(300.0, 700.0, 20.0)

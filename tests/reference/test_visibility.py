@@ -24,7 +24,7 @@ def f32(*values: float) -> list[np.float32]:
     ("fog", "metres"),
     [(0, 10_000), (7, 6_900), (20, 3_470), (40, 1_200), (60, 416), (80, 144), (100, 50)],
 )
-def test_fog_takes_sight_as_worked_out_by_hand(fog: float, metres: float):
+def test_the_range_in_fog_equals_values_worked_out_by_hand(fog: float, metres: float):
     assert float(visibility.meteorological_range(np.float32(fog))) == pytest.approx(
         metres, rel=5e-3
     )
@@ -90,7 +90,7 @@ def test_a_lamp_is_as_bright_as_the_threshold_at_its_range(
         (100.0, 200.0, False, 91.0),
     ],
 )
-def test_lamps_are_seen_as_far_as_worked_out_by_hand(
+def test_the_range_of_lamps_equals_values_worked_out_by_hand(
     fog: float, intensity: float, night: bool, metres: float
 ):
     beta = visibility.fog_extinction(np.float32(fog))
@@ -128,7 +128,7 @@ def test_glare_is_the_veil_of_stiles_and_holladay(altitude: float, azimuth: floa
     assert value == pytest.approx(4000.0 / (4000.0 + veil), rel=1e-4)
 
 
-def test_a_sun_some_degrees_high_dazzles_most_and_nobody_is_blind():
+def test_a_sun_some_degrees_high_dazzles_most_but_not_totally():
     altitudes = np.radians(np.linspace(0.1, 17.9, 100)).astype(np.float32)
     zero = np.zeros_like(altitudes)
     left = visibility.glare_factor(altitudes, zero, zero)

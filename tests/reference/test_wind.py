@@ -1,4 +1,4 @@
-"""Wind on vehicles: side force against others' figures, gusts, the lee of a lorry."""
+"""Wind on vehicles: side force against published figures, gusts, the lee of a lorry."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PUBLISHED = [
 
 
 @pytest.mark.parametrize(("kind", "speed_kmh", "body", "mean", "gust"), PUBLISHED)
-def test_the_side_force_is_the_one_worked_out_by_hand(
+def test_the_side_force_equals_the_value_worked_out_by_hand(
     kind: str, speed_kmh: float, body: dict[str, float], mean: tuple[float, ...],
     gust: tuple[float, ...],
 ):  # fmt: skip
@@ -50,7 +50,7 @@ def test_the_side_force_is_the_one_worked_out_by_hand(
             assert value == pytest.approx(expected, rel=0.04)
 
 
-def test_an_empty_lorry_is_blown_by_its_mass_more():
+def test_the_side_acceleration_of_a_lorry_is_inverse_to_its_mass():
     loaded = blown("T", speed_kmh=85.0, percent=60.0)
     empty = blown("T", speed_kmh=85.0, percent=60.0, mass=6500.0)
     assert empty / loaded == pytest.approx(12_000.0 / 6_500.0, rel=1e-5)
@@ -58,7 +58,7 @@ def test_an_empty_lorry_is_blown_by_its_mass_more():
 
 @pytest.mark.parametrize("kind", FOUR_WHEELERS)
 @pytest.mark.parametrize("percent", [10.0, 50.0, 100.0])
-def test_force_and_moment_are_those_of_the_equations_in_float64(kind: str, percent: float):
+def test_force_and_moment_equal_the_equations_in_float64(kind: str, percent: float):
     speed = 28.0
     b = bench(Vehicle(kind=kind, speed=speed), sky={"wind": percent, "wind_direction": ACROSS})
     b.decide()
@@ -69,21 +69,21 @@ def test_force_and_moment_are_those_of_the_equations_in_float64(kind: str, perce
 
 
 @pytest.mark.parametrize("simulator", [engine, reference], ids=["engine", "reference"])
-def test_a_head_wind_lifts_no_wheel_that_pulls_the_rider_back(simulator):
-    """The load of the rear wheel was negative, and so was the force of the pedals."""
+def test_pedals_never_pull_a_rider_back_in_a_head_wind(simulator):
+    """A former fault: the load of the rear wheel was negative, and so was the pedal force."""
     rider = Vehicle(kind="B", speed=30.0, driver={"desired_speed": 40.0})
-    against = {"wind": 100.0, "wind_direction": math.pi}
-    given = scenario([rider], weather=against, horizon=1.0)
-    ran = simulator.run(given, step_parameters(given, EnabledEffects(gusts=False)))
+    head_wind = {"wind": 100.0, "wind_direction": math.pi}
+    world = scenario([rider], weather=head_wind, horizon=1.0)
+    run = simulator.run(world, step_parameters(world, EnabledEffects(gusts=False)))
     body = body_of("B")
     # Newton's second law with the force of the pedals at zero or more.
-    # A frame tells the acceleration of the step to it, and the speed was highest when that began.
-    air = ran.states.speed[0, 0, :-1] / 1000.0 + 20.0
+    # A frame has the acceleration of the step before it, and the speed was highest at its begin.
+    air = run.states.speed[0, 0, :-1] / 1000.0 + 20.0
     resistance = 0.5 * 1.2 * body["drag_area"] * air**2 / body["mass"]
     resistance += body["rolling_resistance"] * 9.81
     assert resistance.max() > 4.63  # At which the rear wheel lifts: g * 0.4725 m / 1 m.
     # Recorded to 1 mm/s^2.
-    assert (ran.states.accel_lon[0, 0, 1:] / 1000.0 >= -resistance - 0.0005).all()
+    assert (run.states.accel_lon[0, 0, 1:] / 1000.0 >= -resistance - 0.0005).all()
 
 
 def test_a_head_wind_brakes_and_does_not_push_aside():
@@ -91,7 +91,7 @@ def test_a_head_wind_brakes_and_does_not_push_aside():
     headwind = bench(Vehicle(speed=30.0), sky={"wind": 100.0, "wind_direction": math.pi})
     ran = headwind.drive(1.0)
     assert abs(float(headwind.state.friction_and_wind.wind_force[0, 0])) < 1e-3 * 1400.0
-    # Nobody answers it here: the pedal holds the speed through the air, so only the power limits.
+    # No driver reacts here: the pedal holds the air speed, so only the power is a limit.
     body = body_of("M")
     drag = 0.5 * 1.2 * body["drag_area"] * 50.0**2 + body["rolling_resistance"] * 1400.0 * 9.81
     short = drag - 0.9 * body["power"] / 30.0
@@ -100,7 +100,7 @@ def test_a_head_wind_brakes_and_does_not_push_aside():
 
 
 @pytest.mark.parametrize("direction", [0.0, math.pi])
-def test_drag_is_that_of_the_air_not_of_the_road(direction: float):
+def test_drag_depends_on_the_speed_through_the_air(direction: float):
     speed, wind = 30.0, 20.0
     b = bench(
         Vehicle(speed=speed, body={"max_speed": 100.0}),
@@ -134,13 +134,13 @@ def gust_along(length_of_road: float = 1200.0) -> tuple[np.ndarray, np.ndarray, 
     world = scenario(
         [Vehicle()], road=wide_road(), weather={"wind": 80.0, "wind_direction": ACROSS}
     )
-    given = step_parameters(world)
-    state = State.at_start(given)
+    parameters = step_parameters(world)
+    state = State.at_start(parameters)
     state.motion.s = np.repeat(places.astype(np.float32)[None, :, None], 1, axis=2)[0].T
-    q = given.simulations
+    q = parameters.simulations
     return (
         places,
-        road_conditions.discrete_gust(state, given)[0].astype(np.float64),
+        road_conditions.discrete_gust(state, parameters)[0].astype(np.float64),
         float(q.gust_length[0]),
     )
 
@@ -175,14 +175,14 @@ def passing_a_lorry(wind_direction: float, offset: float) -> float:
     world = scenario(
         [car, lorry], road=wide_road(), weather={"wind": 60.0, "wind_direction": wind_direction}
     )
-    given = step_parameters(world, EnabledEffects(gusts=False))
-    state = State.at_start(given)
-    road_conditions.update_wind(state, given)
+    parameters = step_parameters(world, EnabledEffects(gusts=False))
+    state = State.at_start(parameters)
+    road_conditions.update_wind(state, parameters)
     return float(state.friction_and_wind.wind_force[0, 0])
 
 
 @pytest.mark.ci
-def test_beside_a_lorry_the_wind_is_gone_and_returns_within_half_its_length():
+def test_beside_a_lorry_the_side_wind_is_weak_and_returns_within_half_its_length():
     # Wind from the right, where the lorry drives.
     free = passing_a_lorry(ACROSS, 60.0)
     beside = passing_a_lorry(ACROSS, 0.0)
@@ -199,11 +199,11 @@ def test_beside_a_lorry_the_wind_is_gone_and_returns_within_half_its_length():
     assert middle == pytest.approx(0.5 * (force[0] + 1.0), abs=0.03)
 
 
-def test_there_is_no_lee_on_the_side_that_the_wind_comes_from():
+def test_a_lorry_has_no_lee_on_its_windward_side():
     assert passing_a_lorry(-ACROSS, 0.0) == passing_a_lorry(-ACROSS, 60.0)
 
 
-def test_a_car_that_clears_a_lorry_gets_a_kick():
+def test_a_car_that_leaves_the_lee_of_a_lorry_gets_a_sudden_side_force():
     # At 5 m/s faster the lee of half a lorry ends within 0.8 s: the force more than doubles.
     lorry = body_of("T")["length"]
     before, after = (passing_a_lorry(ACROSS, x) for x in (0.5 * lorry, 0.5 * lorry + 0.8 * 5.0))

@@ -27,13 +27,13 @@ def events_of_row(events: OvertakeEvents, row: int) -> dict[str, int]:
 
 
 @every_recording
-def test_events_of_recordings_are_those_of_the_readable_definition(name):
+def test_events_of_recordings_equal_the_readable_definition(name):
     events = sample_case(name).events
     for row, (run, signals) in enumerate(readable_runs(name)):
         assert events_of_row(events, row) == find_events(run, signals), row
 
 
-def test_events_of_handwritten_overtakes_are_those_of_the_readable_definition():
+def test_events_of_handwritten_overtakes_equal_the_readable_definition():
     for trajectories in handwritten_recordings():
         run = SingleRun(trajectories, 0)
         events = case_from_trajectories(trajectories).events

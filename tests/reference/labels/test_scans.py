@@ -96,7 +96,7 @@ def test_scans_of_recordings_have_the_bits_of_the_reference(name, make_span):
 @pytest.mark.parametrize("is_most", [False, True])
 @pytest.mark.parametrize("make_span", [judged_span, whole_recording, random_spans])
 @every_recording
-def test_margins_to_a_limit_are_those_of_the_single_frames(name, make_span, is_most):
+def test_margins_to_a_limit_equal_a_loop_over_single_frames(name, make_span, is_most):
     case = sample_case(name)
     span, speed = make_span(case), case.signals.speed
     limit = np.random.default_rng(5).choice(speed.reshape(-1), len(speed))
@@ -135,7 +135,7 @@ def test_runs_longer_than_the_sixteen_frames_of_a_step_are_counted(level, monkey
 
 
 @every_recording
-def test_bits_set_in_any_and_in_all_frames_are_those_of_the_single_frames(name):
+def test_bits_set_in_any_and_in_all_frames_equal_a_loop_over_single_frames(name):
     case = sample_case(name)
     span, lights = random_spans(case), case.trajectories.states.lights[:, EGO_SLOT]
     any_bits, all_bits = flags_any_and_all(lights, span)
@@ -146,7 +146,7 @@ def test_bits_set_in_any_and_in_all_frames_are_those_of_the_single_frames(name):
 
 @pytest.mark.parametrize("make_span", [whole_recording, random_spans])
 @every_recording
-def test_frames_alongside_are_those_in_which_target_and_ego_overlap(name, make_span):
+def test_frames_alongside_are_the_frames_with_an_overlap_of_target_and_ego(name, make_span):
     case = sample_case(name)
     span, target, begin = make_span(case), case.target, 0
     alongside = overlaps_in(case, span)

@@ -35,8 +35,8 @@ OVERTAKES = {"desired_speed": 33.0, "min_speed_gain": 1.0, "lane_change_duration
 
 def sampled(count, seed=1, first=0):
     index = np.arange(first, first + count, dtype=np.uint64)
-    given = load_specification("pinto2023-physical")
-    return ScenarioSource(given, known_road(given.road), seed).sample(index)
+    specification = load_specification("pinto2023-physical")
+    return ScenarioSource(specification, known_road(specification.road), seed).sample(index)
 
 
 def metres(values):
@@ -50,30 +50,32 @@ def batch():
 
 @pytest.fixture
 def without_errors(monkeypatch):
-    """Drivers who see exactly and drive evenly, so that formulas can be compared."""
+    """Drivers without errors of perception, which formulas can describe."""
     quiet = {"sigmagap": 0.0, "sigmaleader": 0.0, "sigmaerror": 0.0}
     following = traffic._following
-    monkeypatch.setattr(traffic, "_following", lambda *given: following(*given) | quiet)
+    monkeypatch.setattr(traffic, "_following", lambda *arguments: following(*arguments) | quiet)
 
 
-# --- what goes in comes out ---
+# --- inputs and outputs ---
 
 
 def test_the_first_frame_is_the_start_of_the_scenario(batch):
-    ours = engine.simulate(batch.scenario).states
+    engine_states = engine.simulate(batch.scenario).states
     valid = batch.scenario.vehicles.valid
     for name in ("x", "y", "s", "d", "speed", "heading", "lane"):
-        there = getattr(batch.states, name)[:, :, 0][valid].astype(int)
-        here = getattr(ours, name)[:, :, 0][valid].astype(int)
-        assert np.abs(there - here).max() <= 1, name
+        sumo_values = getattr(batch.states, name)[:, :, 0][valid].astype(int)
+        engine_values = getattr(engine_states, name)[:, :, 0][valid].astype(int)
+        assert np.abs(sumo_values - engine_values).max() <= 1, name
 
 
-def test_sumo_sees_our_lanes(tmp_path):
+def test_the_network_in_sumo_has_our_lanes_and_limits(tmp_path):
     road = known_road("town06")
-    with running_network(road, tmp_path) as found:
-        lane = found.lane
+    with running_network(road, tmp_path) as library_of_network:
+        lane = library_of_network.lane
         names = [f"road_{k}" for k in range(road.num_lanes)]
-        assert [lane.getWidth(name) for name in names] == [one.width for one in road.lanes]
+        assert [lane.getWidth(name) for name in names] == [
+            our_lane.width for our_lane in road.lanes
+        ]
         limits = [lane.getMaxSpeed(name) for name in names]
         assert limits == pytest.approx([road.speed_limit] * road.num_lanes)
         middles = [lane.getShape(name)[0][1] for name in names]
@@ -97,10 +99,10 @@ def test_speeds_are_in_metres_per_second(without_errors):
 def test_recorded_speed_is_the_derivative_of_recorded_position(batch):
     for row in range(3):
         count = batch.num_frames[row]
-        moved = np.diff(metres(batch.states.s[row, 0, :count])) / 0.05
+        speed_along = np.diff(metres(batch.states.s[row, 0, :count])) / 0.05
         speed = metres(batch.states.speed[row, 0, 1:count])
-        drift = np.diff(metres(batch.states.d[row, 0, :count])) / 0.05
-        assert np.hypot(moved, drift) == pytest.approx(speed, abs=0.06)
+        speed_across = np.diff(metres(batch.states.d[row, 0, :count])) / 0.05
+        assert np.hypot(speed_along, speed_across) == pytest.approx(speed, abs=0.06)
 
 
 # --- formulas ---
@@ -127,7 +129,7 @@ def test_followers_keep_the_equilibrium_gap_of_the_model(time_gap, min_gap, spee
 
 
 @pytest.mark.ci
-def test_errors_of_judgement_scatter_the_gap_around_it():
+def test_errors_of_judgement_scatter_the_gap_around_the_equilibrium():
     follows = STAYS | {"desired_speed": 30.0, "time_gap": 1.4, "min_gap": 2.0}
     begin = [
         Vehicle(s=0.0, speed=20.0, driver=follows),
@@ -154,9 +156,7 @@ def test_a_wet_road_slows_vehicles_by_the_published_share(rain, without_errors):
 
 
 @pytest.mark.parametrize(("model", "is_slower"), [("EIDM", False), ("Krauss", True)])
-def test_the_eidm_ignores_the_device_for_friction_which_is_why_we_apply_it(
-    model, is_slower, tmp_path
-):
+def test_the_eidm_ignores_the_friction_device_of_sumo(model, is_slower, tmp_path):
     road = wide_road(limit=30.0)
     net, demand = tmp_path / "road.net.xml", tmp_path / "one.rou.xml"
     net.write_text(network(road, 2000.0, [0.5] * 3), encoding="utf-8")
@@ -167,12 +167,12 @@ def test_the_eidm_ignores_the_device_for_friction_which_is_why_we_apply_it(
         '<vehicle id="0" type="t" route="r" depart="0" departSpeed="20"/></routes>',
         encoding="utf-8",
     )
-    given = {"net-file": net, "route-files": demand, "step-length": 0.05}
-    options = [f"--{key}={value}" for key, value in given.items()]
-    with running([*options, "--lateral-resolution=0.5", "--no-step-log=true"]) as found:
+    files_and_step = {"net-file": net, "route-files": demand, "step-length": 0.05}
+    options = [f"--{key}={value}" for key, value in files_and_step.items()]
+    with running([*options, "--lateral-resolution=0.5", "--no-step-log=true"]) as simulation:
         for _ in range(600):
-            found.simulationStep()
-        speed = found.vehicle.getSpeed("0")
+            simulation.simulationStep()
+        speed = simulation.vehicle.getSpeed("0")
     assert (speed < 25.0) == is_slower
 
 
@@ -188,11 +188,12 @@ def test_a_lane_change_takes_the_time_of_the_driver(duration, without_errors):
     moving = np.flatnonzero(np.abs(np.diff(d)) > 1e-4)
     out = moving[: np.argmax(np.diff(moving, append=10**6) > 5) + 1]
     assert d[out[-1] + 1] - d[out[0]] == pytest.approx(3.5, abs=0.02)
-    # It starts and ends slower than a recorded millimetre in a frame, and sometimes steps twice.
+    # The lane change starts and ends slower than a recorded millimetre per frame, and sometimes has
+    # two steps.
     assert 0.05 * len(out) == pytest.approx(duration, abs=0.4)
 
 
-# --- what happens ---
+# --- events ---
 
 
 def test_an_eager_driver_overtakes_and_returns():
@@ -200,17 +201,17 @@ def test_an_eager_driver_overtakes_and_returns():
         Vehicle(s=0.0, speed=30.0, driver=OVERTAKES),
         Vehicle(s=70.0, speed=18.0, driver=STAYS | {"desired_speed": 18.0}),
     ]
-    # The deadline is one for the attempt, which comes before it.
+    # The deadline limits the time to the attempt, not the whole overtake.
     run = sumo.simulate(scenario(begin, road=wide_road(), horizon=40.0, attempt_deadline=8.0))
     stage = run.stage[0, : run.num_frames[0]]
     order = stage[np.flatnonzero(np.diff(stage, prepend=255))].tolist()
     assert order == [Stage.FOLLOW, Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.DONE]
-    done = int(np.flatnonzero(stage == Stage.DONE)[0])
-    assert run.num_frames[0] - 1 - done == 60  # 3 s.
+    done_frame = int(np.flatnonzero(stage == Stage.DONE)[0])
+    assert run.num_frames[0] - 1 - done_frame == 60  # 3 s.
     assert run.states.lane[0, 0, run.num_frames[0] - 1] == 0
 
 
-def test_nobody_changes_lanes_who_has_no_reason_to():
+def test_drivers_without_a_speed_gain_stay_in_their_lane():
     begin = [Vehicle(s=0.0, speed=20.0), Vehicle(s=50.0, speed=20.0)]
     still = [Vehicle(s=v.s, speed=20.0, driver=STAYS | {"desired_speed": 20.0}) for v in begin]
     run = sumo.simulate(scenario(still, horizon=20.0))
@@ -244,12 +245,15 @@ def test_a_contact_is_recorded_for_both_and_ends_the_simulation():
 @pytest.mark.ci
 def test_left_hand_traffic_is_the_mirror_image():
     road = known_road("town06")
-    one, other = (sumo.simulate(sampled(3).replace(road=way)) for way in (road, road.mirror()))
-    assert (one.num_frames == other.num_frames).all()
+    right_hand, left_hand = (
+        sumo.simulate(sampled(3).replace(road=traffic_road))
+        for traffic_road in (road, road.mirror())
+    )
+    assert (right_hand.num_frames == left_hand.num_frames).all()
     for name in ("s", "speed", "accel_lon", "lane"):
-        assert (getattr(one.states, name) == getattr(other.states, name)).all(), name
+        assert (getattr(right_hand.states, name) == getattr(left_hand.states, name)).all(), name
     for name in ("d", "accel_lat"):
-        assert (getattr(one.states, name) == -getattr(other.states, name)).all(), name
+        assert (getattr(right_hand.states, name) == -getattr(left_hand.states, name)).all(), name
 
 
 # --- determinism ---
@@ -262,13 +266,13 @@ def test_the_same_scenarios_give_the_same_hashes(batch):
     assert len({tuple(row) for row in batch.trace_hash}) == 12
 
 
-def test_a_simulation_alone_is_the_one_in_the_batch(batch):
+def test_a_simulation_is_the_same_alone_and_in_a_batch(batch):
     for row in (0, 7, 11):
         alone = sumo.simulate(batch.scenario.select(slice(row, row + 1)))
         assert (alone.trace_hash[0] == batch.trace_hash[row]).all()
 
 
-def test_another_number_is_another_simulation_of_the_same_scene():
+def test_the_simulation_number_decides_the_randomness_of_a_scene():
     world = scenario(*[[Vehicle(), Vehicle(s=40.0, speed=22.0)]] * 2, horizon=5.0)
     run = sumo.simulate(world)
     assert (run.states.s[0] != run.states.s[1]).any()
@@ -293,38 +297,38 @@ def test_frames_at_half_the_rate_are_every_second_frame():
 # --- one world in a process ---
 
 
-def test_a_world_that_somebody_else_has_open_is_left_alone(tmp_path):
+def test_a_simulation_that_the_caller_has_open_is_left_alone(tmp_path):
     net = tmp_path / "road.net.xml"
     net.write_text(network(wide_road(), 500.0, [1.0] * 3), encoding="utf-8")
-    found = library()
-    found.start(["sumo", "--net-file", str(net), "--no-step-log", "true"])
+    libsumo = library()
+    libsumo.start(["sumo", "--net-file", str(net), "--no-step-log", "true"])
     try:
         with pytest.raises(ConfigError, match="one simulation at a time"):
             sumo.simulate(scenario([Vehicle()]))
-        assert found.isLoaded()
+        assert libsumo.isLoaded()
     finally:
-        found.close()
+        libsumo.close()
     assert sumo.simulate(scenario([Vehicle()], horizon=1.0)).num_frames.tolist() == [21]
 
 
-def test_two_threads_do_not_share_it(tmp_path):
-    seen = []
+def test_a_second_thread_cannot_use_sumo_at_the_same_time(tmp_path):
+    errors = []
 
-    def other():
+    def simulate_in_thread():
         try:
             sumo.simulate(scenario([Vehicle()]))
         except ConfigError as error:
-            seen.append(str(error))
+            errors.append(str(error))
 
     with running_network(wide_road(), tmp_path):
-        thread = threading.Thread(target=other)
+        thread = threading.Thread(target=simulate_in_thread)
         thread.start()
         thread.join()
-    assert len(seen) == 1
-    assert "another thread" in seen[0]
+    assert len(errors) == 1
+    assert "another thread" in errors[0]
 
 
-def test_what_sumo_refuses_is_one_line_and_leaves_it_closed(tmp_path):
+def test_an_error_of_sumo_is_one_line_and_leaves_sumo_closed(tmp_path):
     with (
         pytest.raises(ConfigError, match="a scenario that SUMO can run"),
         running(["--net-file", str(tmp_path / "missing.net.xml")]),
@@ -333,26 +337,26 @@ def test_what_sumo_refuses_is_one_line_and_leaves_it_closed(tmp_path):
     assert not library().isLoaded()
 
 
-def test_without_libsumo_the_error_says_what_to_install(monkeypatch):
+def test_without_libsumo_the_error_names_the_package_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "libsumo", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'libsumo>="):
         sumo.simulate(scenario([Vehicle()]))
 
 
 @pytest.mark.ci
-def test_loading_it_prints_nothing_and_leaves_the_environment_alone():
+def test_loading_libsumo_prints_nothing_and_keeps_the_environment():
     script = (
         "import os; before = dict(os.environ);"
         "from overtaking.simulators.sumo.library import library; library();"
         "assert dict(os.environ) == before"
     )
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-W", "error", "-c", script], capture_output=True, text=True, check=False
     )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (process.returncode, process.stdout, process.stderr) == (0, "", "")
 
 
-def test_on_a_road_that_bends_and_rises_sumo_drives_as_on_a_straight_one():
+def test_sumo_drives_on_a_road_with_bends_and_hills_as_on_a_straight_road():
     straight = wide_road()
     winding = on(straight, *BENDS, grade=HILLS)
     scene = [Vehicle(s=50.0, lane=1, speed=25.0, driver=OVERTAKES), Vehicle(s=110.0, lane=1)]
@@ -361,14 +365,14 @@ def test_on_a_road_that_bends_and_rises_sumo_drives_as_on_a_straight_one():
     )
     for name in ("s", "d", "speed", "lane"):
         np.testing.assert_array_equal(getattr(bent.states, name), getattr(flat.states, name))
-    there = bent.state_mask
-    s, d = (metres(getattr(bent.states, name)[there]) for name in "sd")
+    is_recorded = bent.state_mask
+    s, d = (metres(getattr(bent.states, name)[is_recorded]) for name in "sd")
     x, y = winding.to_world(s, d)
-    np.testing.assert_allclose(metres(bent.states.x[there]), x, atol=1e-3)
-    np.testing.assert_allclose(metres(bent.states.y[there]), y, atol=1e-3)
-    turned = bent.headings_and_origin[0][there] * 1e-4
-    apart = flat.states.heading[there] * 1e-4 - straight.heading
-    np.testing.assert_allclose(turned, apart, atol=2e-4)
+    np.testing.assert_allclose(metres(bent.states.x[is_recorded]), x, atol=1e-3)
+    np.testing.assert_allclose(metres(bent.states.y[is_recorded]), y, atol=1e-3)
+    heading_to_road = bent.headings_and_origin[0][is_recorded] * 1e-4
+    straight_heading = flat.states.heading[is_recorded] * 1e-4 - straight.heading
+    np.testing.assert_allclose(heading_to_road, straight_heading, atol=2e-4)
 
 
 # --- two directions ---
@@ -376,30 +380,37 @@ def test_on_a_road_that_bends_and_rises_sumo_drives_as_on_a_straight_one():
 
 def two_way_batch(**changes):
     scenes = [pair(), pair(300.0), pair(500.0, 700.0)]
-    place = two_way_road()
+    road = two_way_road()
     if changes.get("mirrored"):
-        place = place.mirror()
-    return scenario(*scenes, road=place, horizon=35.0)
+        road = road.mirror()
+    return scenario(*scenes, road=road, horizon=35.0)
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_who_comes_starts_and_drives_where_it_does_on_the_engine(mirrored):
+def test_oncoming_vehicles_start_at_the_same_state_as_on_the_engine(mirrored):
     world = two_way_batch(mirrored=mirrored)
-    run, ours = sumo.simulate(world), engine.simulate(world)
-    comes = np.argwhere(world.vehicles.valid & (world.start_lane == 1))
-    assert len(comes) == 3
-    for row, slot in comes:
+    run, engine_run = sumo.simulate(world), engine.simulate(world)
+    oncoming = np.argwhere(world.vehicles.valid & (world.start_lane == 1))
+    assert len(oncoming) == 3
+    for row, slot in oncoming:
         for name in ("x", "y", "s", "d", "speed", "heading", "lane"):
-            here, there = (int(getattr(one.states, name)[row, slot, 0]) for one in (run, ours))
-            apart = (here - there + 31416) % 62832 - 31416 if name == "heading" else here - there
-            assert abs(apart) <= 1, name
+            sumo_value, engine_value = (
+                int(getattr(simulated.states, name)[row, slot, 0])
+                for simulated in (run, engine_run)
+            )
+            distance = (
+                (sumo_value - engine_value + 31416) % 62832 - 31416
+                if name == "heading"
+                else sumo_value - engine_value
+            )
+            assert abs(distance) <= 1, name
         s = metres(run.states.s[row, slot, : run.num_frames[row]])
         assert (np.diff(s) < 0).all()
         speed = metres(run.states.speed[row, slot, : run.num_frames[row]])
         np.testing.assert_allclose(-np.diff(s) / 0.05, speed[1:], atol=0.35)
 
 
-def test_sumos_ego_overtakes_on_the_lane_of_others_when_they_are_past():
+def test_the_ego_in_sumo_overtakes_in_the_opposing_lane_between_oncoming_vehicles():
     world = two_way_batch()
     run = sumo.simulate(world)
     side = metres(run.states.d[:, 0])
@@ -433,7 +444,7 @@ def test_drivers_slow_down_to_a_lower_limit_and_speed_up_behind_it(without_error
     assert speed[s > 1150.0].min() > 20.0
 
 
-def test_who_comes_slows_down_by_the_limits_of_its_own_direction(without_errors):
+def test_oncoming_drivers_obey_the_limits_of_their_own_direction(without_errors):
     obeys = STAYS | {"desired_speed": 28.0, "speed_limit_compliance": 1.0}
     lower = SpeedLimitSpan(start=600.0, stop=900.0, speed=15.0, direction=-1)
     road = limited(known_road("rural"), lower)
