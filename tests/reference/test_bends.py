@@ -49,7 +49,7 @@ def lone(road: Road, *, seconds: float = 20.0, kind: str = "M", **changes: float
     return engine.simulate(scenario([vehicle], road=road, horizon=seconds))
 
 
-def of(run: Trajectories, name: str) -> np.ndarray:
+def recorded(run: Trajectories, name: str) -> np.ndarray:
     """A recorded field of the only vehicle, in SI units."""
     scale = {"heading": 1e-4, "yaw_rate": 1e-4}.get(name, 1e-3)
     return getattr(run.states, name)[0, 0, : run.num_frames[0]] * scale
@@ -103,12 +103,14 @@ def test_a_mirrored_road_gives_mirrored_trajectories():
 @pytest.mark.parametrize("radius", [150.0, 400.0, 1500.0])
 def test_steady_cornering_takes_the_acceleration_of_a_circle(radius: float):
     run = lone(on(wide(), (6000.0, 1 / radius, 1 / radius)), desired_speed=17.0, speed=17.0)
-    speed, path_radius = of(run, "speed")[200:], radius - of(run, "d")[200:]
+    speed, path_radius = recorded(run, "speed")[200:], radius - recorded(run, "d")[200:]
     # In the mean: keeping the lane adds some hundredths of m/s^2 to either side.
     needed = float(np.mean(speed**2 / path_radius))
-    assert float(of(run, "accel_lat")[200:].mean()) == pytest.approx(needed, rel=0.02, abs=0.01)
+    assert float(recorded(run, "accel_lat")[200:].mean()) == pytest.approx(
+        needed, rel=0.02, abs=0.01
+    )
     assert (
-        np.abs(of(run, "d")[200:] + 1.75).max() < 0.35
+        np.abs(recorded(run, "d")[200:] + 1.75).max() < 0.35
     )  # The wander in the lane is 0.3 m at most.
 
 
@@ -117,21 +119,21 @@ def test_a_full_circle_ends_where_it_began():
     run = lone(
         on(wide(), (6000.0, 1 / radius, 1 / radius)), seconds=90.0, desired_speed=18.0, speed=18.0
     )
-    s = of(run, "s")
+    s = recorded(run, "s")
     lap = int(np.argmax(s - s[0] >= 2.0 * math.pi * radius))
     assert lap
-    turned_angle = cumulative_trapezoid(of(run, "yaw_rate"), dx=0.05)[lap - 1]
+    turned_angle = cumulative_trapezoid(recorded(run, "yaw_rate"), dx=0.05)[lap - 1]
     assert turned_angle == pytest.approx(2.0 * math.pi, rel=2e-3)
-    x, y = of(run, "x"), of(run, "y")
+    x, y = recorded(run, "x"), recorded(run, "y")
     assert math.hypot(x[lap] - x[0], y[lap] - y[0]) < 1.5  # A vehicle drives 0.9 m in a frame.
 
 
 def test_world_positions_follow_from_recorded_speed_and_yaw_rate():
     """Dead reckoning by speed and yaw rate, in world coordinates, through two bends."""
     run = lone(on(wide(), *BENDS, grade=HILLS), seconds=55.0, desired_speed=25.0)
-    speed, rate = of(run, "speed"), of(run, "yaw_rate")
-    x, y, heading = of(run, "x"), of(run, "y"), np.unwrap(of(run, "heading"))
-    assert of(run, "s")[-1] > 1300.0
+    speed, rate = recorded(run, "speed"), recorded(run, "yaw_rate")
+    x, y, heading = recorded(run, "x"), recorded(run, "y"), np.unwrap(recorded(run, "heading"))
+    assert recorded(run, "s")[-1] > 1300.0
     integrated_heading = heading[0] + cumulative_trapezoid(rate, dx=0.05, initial=0.0)
     np.testing.assert_allclose(heading, integrated_heading, atol=0.01)
     distance = np.hypot(np.diff(x), np.diff(y))
@@ -146,14 +148,14 @@ def test_world_positions_follow_from_recorded_speed_and_yaw_rate():
 def test_world_positions_on_a_clothoid_follow_fresnel_integrals():
     length, end = 600.0, 1 / 300
     run = lone(on(wide(), (length, 0.0, end), (3000.0, end, end)), desired_speed=20.0, speed=20.0)
-    s, d = of(run, "s"), of(run, "d")
+    s, d = recorded(run, "s"), recorded(run, "d")
     inside = s < length
     scale = math.sqrt(math.pi * length / end)
     sine, cosine = fresnel(s / scale)
     angle = 0.5 * end / length * s**2
     x, y = scale * cosine - d * np.sin(angle), scale * sine + d * np.cos(angle)
-    np.testing.assert_allclose(of(run, "x")[inside], x[inside], atol=2e-3)
-    np.testing.assert_allclose(of(run, "y")[inside], y[inside], atol=2e-3)
+    np.testing.assert_allclose(recorded(run, "x")[inside], x[inside], atol=2e-3)
+    np.testing.assert_allclose(recorded(run, "y")[inside], y[inside], atol=2e-3)
 
 
 @pytest.mark.parametrize("radius", [100.0, 200.0, 300.0])
@@ -169,12 +171,12 @@ def test_drivers_slow_down_before_a_bend_as_on_rural_roads(radius: float):
         on(wide(), (500.0, 0.0, 0.0), (60.0, 0.0, 1 / radius), (900.0, 1 / radius, 1 / radius)),
         seconds=60.0, desired_speed=96.8 / 3.6, speed=96.8 / 3.6,
     )  # fmt: skip
-    s, speed = of(run, "s"), of(run, "speed")
+    s, speed = recorded(run, "s"), recorded(run, "speed")
     assert speed[s < 250.0].min() > 25.0
     inside = (s > 600.0) & (s < 900.0)
     assert inside.any()
     assert 3.6 * speed[inside].mean() == pytest.approx(104.82 - 3574.51 / radius - 8.0, abs=10.0)
-    assert of(run, "accel_lon").min() > -3.0
+    assert recorded(run, "accel_lon").min() > -3.0
 
 
 RADIUS, STRAIGHT, ARC = 100.0, 200.0, 150.0
@@ -222,9 +224,9 @@ def test_a_vehicle_that_starts_in_a_bend_keeps_its_lane(kind: str, radius: float
     road = on(wide(), (6000.0, 1 / radius, 1 / radius))
     run = lone(road, kind=kind, seconds=10.0, desired_speed=speed, speed=speed)
     rate = speed / (radius + 1.75)  # In the lane right of the reference line.
-    assert of(run, "yaw_rate")[0] == pytest.approx(rate, rel=0.01)
+    assert recorded(run, "yaw_rate")[0] == pytest.approx(rate, rel=0.01)
     # Drivers wander by 0.3 m. Before, they took a second to turn the wheels: up to 1.6 m.
-    assert np.abs(of(run, "d") + 1.75).max() < 0.35
+    assert np.abs(recorded(run, "d") + 1.75).max() < 0.35
 
 
 def test_a_truck_climbs_at_the_speed_that_its_power_allows():
@@ -241,7 +243,7 @@ def test_a_truck_climbs_at_the_speed_that_its_power_allows():
     road = on(wide(), (6000.0, 0.0, 0.0), grade=((0.0, slope),))
     run = lone(road, seconds=90.0, kind="T", desired_speed=24.0, speed=24.0)
     assert climbing_speed < 20.0
-    assert of(run, "speed")[-1] == pytest.approx(climbing_speed, rel=0.02)
+    assert recorded(run, "speed")[-1] == pytest.approx(climbing_speed, rel=0.02)
 
 
 def test_height_is_the_integral_of_the_slope():

@@ -55,7 +55,7 @@ class Pose:
 
 
 def obstacle(a: Pose, b: Pose) -> shapely.Polygon:
-    """Where the centre of b must not be, seen from the centre of a: the Minkowski difference."""
+    """Positions of the centre of b relative to a that overlap: the Minkowski difference."""
     sums = (a.corners()[:, None, :] - b.corners()[None, :, :]).reshape(-1, 2)
     hull = shapely.MultiPoint(sums).convex_hull
     assert isinstance(hull, shapely.Polygon)
@@ -73,7 +73,7 @@ moves = st.tuples(st.floats(-8.0, 8.0), st.floats(-8.0, 8.0))
 
 
 def contact(a: Pose, b: Pose, start: tuple[float, float], end: tuple[float, float]) -> list[float]:
-    """`swept_overlap` of two boxes, the second moving from `start` to `end` seen from the first."""
+    """`swept_overlap` of two boxes; relative to the first, the second moves from start to end."""
     s0, d0, s1, d1 = (np.array([x], np.float32) for x in (*start, *end))
     overlap = swept_overlap(a.ours(), b.ours(), RoadVector(s0, d0), RoadVector(s1, d1))
     return [float(values[0]) for values in overlap]
@@ -116,7 +116,7 @@ def test_the_contact_normal_is_normal_to_the_side_that_is_hit(
     length = math.hypot(*move)
     if length < 0.5:
         return
-    # Come from far away towards the middle, so that the path enters once.
+    # The path begins far away and leads to the middle, so that it enters once.
     start = (-30.0 * move[0] / length, -30.0 * move[1] / length)
     enter, _, along, across = contact(a, b, start, (0.0, 0.0))
     forbidden = obstacle(a, b)
@@ -164,13 +164,13 @@ def crash(
     Args:
         kinds: Classes.
         place: Position of the second centre relative to the first [m].
-        motion: Speed ahead, speed to the left and yaw rate of each, in its own axes.
+        motion: Longitudinal speed, speed to the left and yaw rate of each, in vehicle axes.
         heading: Of each [rad].
     """
     world = scenario([Vehicle(kind=kind) for kind in kinds], road=wide_road(), num_slots=2)
-    given_ = step_parameters(world)
-    state = State.at_start(given_)
-    p = given_.vehicles
+    parameters = step_parameters(world)
+    state = State.at_start(parameters)
+    p = parameters.vehicles
     for i in range(2):
         state.motion.heading[i] = heading[i]
         state.motion.vx[i], state.motion.vy[i], state.motion.yaw_rate[i] = motion[i]
@@ -185,12 +185,12 @@ def crash(
     pair = collisions.VehiclePair(
         first=0,
         second=1,
-        frame=collisions.pair_frame(given_, 0, 1),
+        frame=collisions.pair_frame(parameters, 0, 1),
         is_near=np.array([True]),
     )
     swept = collisions.SweptStep(index=7, length=np.float32(STEP), start=start)
-    hit = collisions._find_impact(copied(state), given_, pair, swept)
-    collisions.resolve_contacts(state, given_, [pair], swept)
+    hit = collisions._find_impact(copied(state), parameters, pair, swept)
+    collisions.resolve_contacts(state, parameters, [pair], swept)
     return Crash(before=old, after=state, p=p, hit=hit)
 
 
@@ -262,16 +262,16 @@ motions = st.tuples(st.floats(0.0, 40.0), st.floats(-4.0, 4.0), st.floats(-1.0, 
 )
 @settings(max_examples=200)
 def test_an_impact_keeps_momentum_and_spin_and_never_makes_energy(kinds, place, motion, heading):
-    ran = crash(kinds, place=place, motion=motion, heading=heading)
+    impact = crash(kinds, place=place, motion=motion, heading=heading)
     size = 20_000.0 * 40.0
     # Float32: 1e-6 of the momentum of a lorry at speed; its lever is 6 m.
-    lost = momentum(ran.after, ran.p) - momentum(ran.before, ran.p)
+    lost = momentum(impact.after, impact.p) - momentum(impact.before, impact.p)
     assert np.abs(lost[:2]).max() <= 2e-6 * size
     assert abs(lost[2]) <= 5e-6 * size
-    before, after = energy(ran.before, ran.p), energy(ran.after, ran.p)
+    before, after = energy(impact.before, impact.p), energy(impact.after, impact.p)
     assert after <= before * (1.0 + 1e-5) + 1.0
-    touched = bool(ran.after.motion.is_wreck[0, 0])
-    assert touched == bool(ran.after.motion.is_wreck[1, 0])
+    touched = bool(impact.after.motion.is_wreck[0, 0])
+    assert touched == bool(impact.after.motion.is_wreck[1, 0])
     if not touched:
         assert after == before
 
@@ -287,63 +287,69 @@ def test_after_an_impact_the_contact_opens_at_a_tenth_of_the_speed(kinds, aside,
     gap = 0.5 * (body_of(kinds[0])["length"] + body_of(kinds[1])["length"]) - 0.05
     still = (0.0, 0.0)
     motion = ((speeds[0], *still), (speeds[1], *still))
-    ran = crash(kinds, place=(gap, aside), motion=motion, heading=heading)
-    if not ran.after.motion.is_wreck[0, 0]:
+    impact = crash(kinds, place=(gap, aside), motion=motion, heading=heading)
+    if not impact.after.motion.is_wreck[0, 0]:
         return
     impulse, closing = (
-        float(ran.after.first_contact.impulse[0, 0]),
-        float(ran.after.first_contact.closing_speed[0, 0]),
+        float(impact.after.first_contact.impulse[0, 0]),
+        float(impact.after.first_contact.closing_speed[0, 0]),
     )
     assert closing > 0.0
     # The work of the impulse is closing (1 - e) / 2 of it, whatever the geometry.
-    work = energy(ran.before, ran.p) - energy(ran.after, ran.p)
-    scale = energy(ran.before, ran.p)
+    work = energy(impact.before, impact.p) - energy(impact.after, impact.p)
+    scale = energy(impact.before, impact.p)
     expected = 0.5 * (1.0 - RESTITUTION) * closing * impulse
     assert work == pytest.approx(expected, rel=1e-3, abs=2e-6 * scale)
     # Newton's law of impact at the contact point, along the normal.
-    assert approach(ran, ran.before) == pytest.approx(closing, rel=1e-4, abs=1e-4)
-    assert approach(ran, ran.after) == pytest.approx(-RESTITUTION * closing, rel=1e-2, abs=1e-3)
+    assert approach(impact, impact.before) == pytest.approx(closing, rel=1e-4, abs=1e-4)
+    assert approach(impact, impact.after) == pytest.approx(
+        -RESTITUTION * closing, rel=1e-2, abs=1e-3
+    )
 
 
 @pytest.mark.parametrize(("striker", "struck"), [("M", "M"), ("T", "S"), ("S", "T"), ("V", "MC")])
 def test_a_rear_end_at_10_mps_gives_the_closed_form_in_one_dimension(striker: str, struck: str):
     gap = 0.5 * (body_of(striker)["length"] + body_of(struck)["length"]) - 0.02
-    ran = crash((striker, struck), place=(gap, 0.0), motion=((30.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
+    impact = crash((striker, struck), place=(gap, 0.0), motion=((30.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
     m1, m2 = body_of(striker)["mass"], body_of(struck)["mass"]
     common = (m1 * 30.0 + m2 * 20.0) / (m1 + m2)
     expected = [
         common - RESTITUTION * 10.0 * m2 / (m1 + m2),
         common + RESTITUTION * 10.0 * m1 / (m1 + m2),
     ]
-    np.testing.assert_allclose(ran.after.motion.vx[:, 0], expected, rtol=1e-5)
-    assert (ran.after.motion.vy == 0.0).all()
-    assert (ran.after.motion.yaw_rate == 0.0).all()
+    np.testing.assert_allclose(impact.after.motion.vx[:, 0], expected, rtol=1e-5)
+    assert (impact.after.motion.vy == 0.0).all()
+    assert (impact.after.motion.yaw_rate == 0.0).all()
     impulse = (1.0 + RESTITUTION) * 10.0 * m1 * m2 / (m1 + m2)
-    assert float(ran.after.first_contact.impulse[0, 0]) == pytest.approx(impulse, rel=1e-5)
-    assert float(ran.after.first_contact.closing_speed[1, 0]) == pytest.approx(10.0, rel=1e-5)
+    assert float(impact.after.first_contact.impulse[0, 0]) == pytest.approx(impulse, rel=1e-5)
+    assert float(impact.after.first_contact.closing_speed[1, 0]) == pytest.approx(10.0, rel=1e-5)
     # They come 0.1 m closer in the step, the eighth, and overlap by 0.02 m at its end.
-    assert float(ran.after.first_contact.time[0, 0]) == pytest.approx(0.078, abs=1e-4)
+    assert float(impact.after.first_contact.time[0, 0]) == pytest.approx(0.078, abs=1e-4)
 
 
 def test_an_off_centre_rear_end_turns_both_vehicles_in_the_direction_of_mechanics():
     gap = 0.5 * body_of("M")["length"] * 2.0 - 0.02
-    ran = crash(("M", "M"), place=(gap, 1.0), motion=((30.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
+    impact = crash(("M", "M"), place=(gap, 1.0), motion=((30.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
     # The struck car is hit on its right rear: pushed forwards there, it turns to the left. The
     # striking one is held on its left front and turns to the left as well.
-    assert float(ran.after.motion.yaw_rate[1, 0]) > 0.1
-    assert float(ran.after.motion.yaw_rate[0, 0]) > 0.1
+    assert float(impact.after.motion.yaw_rate[1, 0]) > 0.1
+    assert float(impact.after.motion.yaw_rate[0, 0]) > 0.1
     # Contact in the middle of the overlap, 0.5 m from each axis: softness by the textbook.
     m, inertia = body_of("M")["mass"], body_of("M")["yaw_inertia"]
     impulse = 1.1 * 10.0 / (2.0 / m + 2.0 * 0.5**2 / inertia)
-    assert float(ran.after.first_contact.impulse[0, 0]) == pytest.approx(impulse, rel=1e-3)
-    np.testing.assert_allclose(ran.after.motion.yaw_rate[:, 0], 0.5 * impulse / inertia, rtol=1e-3)
+    assert float(impact.after.first_contact.impulse[0, 0]) == pytest.approx(impulse, rel=1e-3)
+    np.testing.assert_allclose(
+        impact.after.motion.yaw_rate[:, 0], 0.5 * impulse / inertia, rtol=1e-3
+    )
 
 
 def test_vehicles_that_slide_along_each_other_lose_no_speed():
     width = body_of("M")["width"]
-    ran = crash(("M", "M"), place=(0.5, width - 0.01), motion=((30.0, 0.3, 0.0), (25.0, -0.3, 0.0)))
-    assert bool(ran.after.motion.is_wreck[0, 0])
-    np.testing.assert_allclose(ran.after.motion.vx[:, 0], [30.0, 25.0], atol=1e-5)
+    impact = crash(
+        ("M", "M"), place=(0.5, width - 0.01), motion=((30.0, 0.3, 0.0), (25.0, -0.3, 0.0))
+    )
+    assert bool(impact.after.motion.is_wreck[0, 0])
+    np.testing.assert_allclose(impact.after.motion.vx[:, 0], [30.0, 25.0], atol=1e-5)
 
 
 def test_the_time_of_a_collision_follows_from_kinematics():
@@ -354,17 +360,17 @@ def test_the_time_of_a_collision_follows_from_kinematics():
         Vehicle(s=100.0 + body_of("M")["length"], speed=0.0, driver={"desired_speed": 0.01}),
     ]
     world = scenario(cars, road=wide_road(lanes=1), weather={"fog": 100.0}, horizon=10.0)
-    given_ = step_parameters(world, EnabledEffects(gusts=False, distance_error=False))
-    # Nobody can be seen farther than a millimetre.
-    given_.vehicle_table[VEHICLE_FIELDS.index("attention_range")] = 1e-3
-    ran = engine.run(world, given_)
-    assert ran.contacts.partner[0, 0] == 1
-    frame = int(ran.contacts.time[0, 0]) // 50
-    before = ran.states.s[0, :2, frame] / 1000.0
-    speed = ran.states.speed[0, 0, frame] / 1000.0
+    parameters = step_parameters(world, EnabledEffects(gusts=False, distance_error=False))
+    # No driver sees farther than a millimetre, so no driver brakes.
+    parameters.vehicle_table[VEHICLE_FIELDS.index("attention_range")] = 1e-3
+    run = engine.run(world, parameters)
+    assert run.contacts.partner[0, 0] == 1
+    frame = int(run.contacts.time[0, 0]) // 50
+    before = run.states.s[0, :2, frame] / 1000.0
+    speed = run.states.speed[0, 0, frame] / 1000.0
     room = before[1] - before[0] - body_of("M")["length"]
     # From the last frame before it at constant speed; drag is held off by the pedal. One step.
     expected = frame * 50.0 + room / speed * 1000.0
-    assert int(ran.contacts.time[0, 0]) == pytest.approx(expected, abs=10.0)
+    assert int(run.contacts.time[0, 0]) == pytest.approx(expected, abs=10.0)
     # The striking speed is the speed of approach, and nothing moved before.
-    assert int(ran.contacts.closing_speed[0, 0]) == pytest.approx(speed * 1000.0, rel=1e-3)
+    assert int(run.contacts.closing_speed[0, 0]) == pytest.approx(speed * 1000.0, rel=1e-3)

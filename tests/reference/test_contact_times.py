@@ -26,10 +26,10 @@ pytestmark = pytest.mark.ci
 
 FINE = 0.001
 EARLIER = 8
-"""Decisions before the contact from which on the steps are fine."""
+"""Decisions before the contact at which the fine steps begin."""
 
 CENTISECOND = 0.0105
-"""With the rounding of instants [s]."""
+"""Tolerance of a contact time, with the rounding of instants [s]."""
 
 
 def scenarios(index: np.ndarray):
@@ -39,7 +39,7 @@ def scenarios(index: np.ndarray):
 
 
 def crashes(count: int) -> list[int]:
-    """The first simulations in which somebody touches somebody, after a second at least."""
+    """The first simulations with a contact, later than one second."""
     runs = engine.simulate(scenarios(np.arange(256)))
     hit = runs.contacts.partner != NO_VEHICLE
     first = np.where(hit, runs.contacts.time, 10**6).min(axis=1)
@@ -51,33 +51,33 @@ class World:
 
     def __init__(self, number: int) -> None:
         scenario = scenarios(np.array([number]))
-        self.given = step_parameters(scenario)
-        self.p = self.given.vehicles
-        self.q = self.given.simulations
-        self.recorder = Recorder(scenario, self.given)
-        self.state = State.at_start(self.given)
+        self.params = step_parameters(scenario)
+        self.p = self.params.vehicles
+        self.q = self.params.simulations
+        self.recorder = Recorder(scenario, self.params)
+        self.state = State.at_start(self.params)
         self.step = 0
 
     def decide(self) -> list[collisions.VehiclePair]:
-        return decide(self.state, self.given, step=self.step, recorder=self.recorder)
+        return decide(self.state, self.params, step=self.step, recorder=self.recorder)
 
     def stride(self) -> None:
         """Advance from one decision to the next in one step."""
         pairs = self.decide()
-        advance(self.state, self.given, pairs, step=self.step, steps_at_once=SUBSTEPS)
+        advance(self.state, self.params, pairs, step=self.step, steps_at_once=SUBSTEPS)
         self.step += SUBSTEPS
 
     def creep(self) -> None:
         """Advance from one decision to the next in steps of a millisecond."""
         pairs, state = self.decide(), self.state
-        given = replace(self.given, constants=self.given.constants.replace(step=FINE))
+        fine_params = replace(self.params, constants=self.params.constants.replace(step=FINE))
         state.end_step[:] = 1e9
         for k in range(50):
             start = collisions.RoadVector(state.motion.s, state.motion.d)
-            angle = steering.steer(state, given, self.q.max_lateral_accel, FINE)
-            vehicle_dynamics.advance_motion(state, given, angle, FINE)
+            angle = steering.steer(state, fine_params, self.q.max_lateral_accel, FINE)
+            vehicle_dynamics.advance_motion(state, fine_params, angle, FINE)
             swept = collisions.SweptStep(index=10 * self.step + k, length=FINE, start=start)
-            collisions.resolve_contacts(state, given, pairs, swept)
+            collisions.resolve_contacts(state, fine_params, pairs, swept)
         self.step += SUBSTEPS
 
 

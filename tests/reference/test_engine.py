@@ -103,11 +103,11 @@ def test_further_situations_show_the_events_in_their_names():
 
 @pytest.mark.parametrize("slots", SLOT_CAPACITIES)
 def test_empty_slots_change_nothing(slots):
-    whole = simulated(SITUATIONS[0])
-    scenario = with_slots(whole.scenario, slots)
+    full_run = simulated(SITUATIONS[0])
+    scenario = with_slots(full_run.scenario, slots)
     for level in LEVELS:
-        runs = engine.run(scenario, step_parameters(scenario), level=level)
-        np.testing.assert_array_equal(runs.trace_hash, whole.trace_hash)
+        run = engine.run(scenario, step_parameters(scenario), level=level)
+        np.testing.assert_array_equal(run.trace_hash, full_run.trace_hash)
 
 
 def with_slots(scenario: Scenario, slots: int) -> Scenario:
@@ -135,17 +135,17 @@ def with_slots(scenario: Scenario, slots: int) -> Scenario:
 
 @each_situation
 def test_a_simulation_is_the_same_in_any_batch(situation):
-    whole = simulated(situation)
+    full_run = simulated(situation)
     count = situation.share
-    scenario = whole.scenario
+    scenario = full_run.scenario
     order = np.random.default_rng(1).permutation(count)
     shuffled = situation.run(scenario.select(order), engine.run)
-    assert not difference(shuffled, dataclasses.replace(whole.select(order), scenario=scenario))
+    assert not difference(shuffled, dataclasses.replace(full_run.select(order), scenario=scenario))
     for size in (1, 15, 16, 17):
         part = situation.run(scenario.select(slice(3, 3 + size)), engine.run)
-        np.testing.assert_array_equal(part.trace_hash, whole.trace_hash[3 : 3 + size])
+        np.testing.assert_array_equal(part.trace_hash, full_run.trace_hash[3 : 3 + size])
         longest = part.stage.shape[1]
-        np.testing.assert_array_equal(part.states.x, whole.states.x[3 : 3 + size, :, :longest])
+        np.testing.assert_array_equal(part.states.x, full_run.states.x[3 : 3 + size, :, :longest])
 
 
 def test_reused_memory_changes_nothing():

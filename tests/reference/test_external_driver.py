@@ -185,12 +185,12 @@ def test_a_policy_drives_the_same_in_small_and_in_large_batches():
     scenario = ScenarioSource(specification, load_road(specification.road), 9).sample(
         np.arange(4096, dtype=np.uint64)
     )
-    whole = drive(scenario, HUMAN, engine.run)
+    batch_run = drive(scenario, HUMAN, engine.run)
     order = np.random.default_rng(5).permutation(4096)
     small_batches = [order[k : k + 16] for k in range(0, 256, 16)]
-    for part in (order, *small_batches, *order[:64, None]):
-        driven = drive(scenario.select(part), HUMAN, engine.run)
-        np.testing.assert_array_equal(driven.trace_hash, whole.trace_hash[part])
+    for rows in (order, *small_batches, *order[:64, None]):
+        driven = drive(scenario.select(rows), HUMAN, engine.run)
+        np.testing.assert_array_equal(driven.trace_hash, batch_run.trace_hash[rows])
 
 
 def test_the_mobil_driver_without_lane_changes_follows_like_the_built_in_driver():
@@ -227,11 +227,11 @@ def test_a_policy_drives_the_same_on_the_reference():
 
 def test_a_policy_drives_the_same_in_any_batch():
     scenario = scenes(33)
-    whole = drive(scenario, HUMAN, engine.run)
+    batch_run = drive(scenario, HUMAN, engine.run)
     order = np.random.default_rng(5).permutation(33)
-    for part in (order, order[:16], np.array([32])):
-        driven = drive(scenario.select(part), HUMAN, engine.run)
-        np.testing.assert_array_equal(driven.trace_hash, whole.trace_hash[part])
+    for rows in (order, order[:16], np.array([32])):
+        driven = drive(scenario.select(rows), HUMAN, engine.run)
+        np.testing.assert_array_equal(driven.trace_hash, batch_run.trace_hash[rows])
         assert driven.actions
-        assert whole.actions
-        assert driven.actions.hashes == [whole.actions.hashes[row] for row in part]
+        assert batch_run.actions
+        assert driven.actions.hashes == [batch_run.actions.hashes[index] for index in rows]

@@ -239,9 +239,9 @@ def test_each_side_has_the_grip_of_the_water_in_its_own_wheel_path():
 def test_a_puddle_under_one_side_turns_a_braking_car_towards_the_dry_side():
     b = bench(Vehicle(speed=30.0))
     b.state.friction_and_wind.mu_left = b.state.friction_and_wind.mu_left * np.float32(0.3)
-    ran = b.drive(0.3, lambda test, _: test.hold(accel=-6.0))
-    # The left wheels, those towards the fast side, hold less, so the right ones turn it there, with
+    run = b.drive(0.3, lambda test, _: test.hold(accel=-6.0))
+    # The left wheels, towards the fast side, have less grip, so the right ones turn it there, with
     # a moment of half the track times the difference of the brake forces, growing over 0.3 s.
-    assert ran["yaw_rate"][-1, 0] < -0.1
+    assert run["yaw_rate"][-1, 0] < -0.1
     table = numbers_of("friction.toml").table
     assert table.floor == FLOOR

@@ -38,9 +38,9 @@ def test_an_impaired_ego_moves_differently_and_equally_in_both_implementations(
 def test_drivers_brake_at_most_as_hard_as_the_friction_allows():
     plain = step_parameters(DRAWN)
     plain.vehicle_table[VEHICLE_FIELDS.index("max_friction")] = 0.1
-    ran = engine.run(DRAWN, plain)
-    untouched = ran.contacts.partner == NO_VEHICLE
+    trajectories = engine.run(DRAWN, plain)
+    untouched = trajectories.contacts.partner == NO_VEHICLE
     # Friction times gravity, and 1 m/s^2 for drag, rolling resistance and wind [mm/s^2].
     assert untouched.sum() > 3
-    assert ran.states.accel_lon[untouched].min() > -(0.1 * 9810 + 1000)
+    assert trajectories.states.accel_lon[untouched].min() > -(0.1 * 9810 + 1000)
     assert engine.simulate(DRAWN).states.accel_lon.min() < -(0.1 * 9810 + 1000)

@@ -32,7 +32,7 @@ GROUPS = {
     "mu_right": "friction_and_wind", "wind_force": "friction_and_wind",
     "wind_moment": "friction_and_wind", "tail_wind": "friction_and_wind",
 }  # fmt: skip
-"""The group of the reference's state in which each row of the table is."""
+"""The group in the state of the reference, for each row of the table."""
 
 TICK, STEPS = 0.05, 5
 LEVELS = [name for name, is_available in _core.simd_levels() if is_available]
@@ -50,7 +50,7 @@ def params_for(count: int, weather: str, road: str = "town06") -> StepParameters
 
 
 def scattered(count: int, chance: np.random.Generator) -> np.ndarray:
-    """A table of vehicles that head anywhere; some of them are at rest."""
+    """A table of vehicles with random positions and headings; some of them are at rest."""
     table = driven_vehicles_at_start(count)
     ranges = {
         "s": (0.0, 300.0), "d": (-20.0, 4.0), "heading": (-4.0, 4.0), "yaw_rate": (-0.3, 0.3),
@@ -97,7 +97,7 @@ def test_engine_and_reference_drive_the_same_way(level: str, count: int, weather
             expected = getattr(getattr(state, GROUPS[name]), name)
             assert expected.dtype == np.float32, name
             assert row.tobytes() == np.ascontiguousarray(expected).tobytes(), (decision, name)
-    # There was something to agree about.
+    # The comparison covers wind and motion.
     vehicles = DrivenVehicles(*table)
     assert np.abs(vehicles.wind_force).max() > 0.0
     assert np.abs(vehicles.s - DrivenVehicles(*start).s).max() > 1.0
@@ -147,7 +147,7 @@ def test_engine_and_reference_exchange_the_same_momentum(level: str, road: str, 
         expected = np.ascontiguousarray(getattr(state.motion, name))
         assert row.tobytes() == expected.tobytes(), name
     assert (partners == state.first_contact.partner[:, 0]).all()
-    # There was something to agree about.
+    # The comparison covers wind and motion.
     assert (partners >= 0).sum() >= 4
     assert np.abs(bodies[3:6] - table[3:6]).max() > 1.0
 

@@ -107,7 +107,7 @@ def test_the_sight_distance_falls_before_a_bend_and_recovers_behind_it():
         visible_arc = angles[np.flatnonzero(path < 0.0)[0]] * radius
         expected = distance + visible_arc * line / radius
         assert float(sight_at(road, begin - distance)) == pytest.approx(expected, abs=1.0)
-    # Once out of the bend, the straight is seen without a limit.
+    # After the bend, sight on the straight has no limit.
     assert np.isinf(sight_at(road, end + 60.0))
     assert np.isfinite(sight_at(road, end - 60.0))
 

@@ -17,7 +17,7 @@ from overtaking.world.road_surface import stoppable_speed, stopping_distance
 GRAVITY = 9.81
 ANTI_LOCK = 0.95
 
-# The step in which a vehicle comes to rest is not shortened, and the last 0.1 m/s are given up at
+# The step in which a vehicle comes to rest has the full length, and the last 0.1 m/s vanish at
 # once: together below 0.1 m of 12 to 600 m.
 SAME = 0.01
 
@@ -26,20 +26,20 @@ NO_RESISTANCE = {"drag_area": 0.0, "rolling_resistance": 0.0}
 
 def stop(b: Bench, duration: float) -> np.ndarray:
     """Distance travelled with the brakes fully on, (simulation,) [m]."""
-    ran = b.drive(duration, lambda test, _: test.hold(accel=-50.0))
-    assert (ran["vx"][-1] == 0.0).all()
-    return ran["s"][-1] - ran["s"][0]
+    run = b.drive(duration, lambda test, _: test.hold(accel=-50.0))
+    assert (run["vx"][-1] == 0.0).all()
+    return run["s"][-1] - run["s"][0]
 
 
 def test_full_braking_takes_v_squared_over_2_mu_g():
     cases = list(product(FOUR_WHEELERS, (0.8, 0.5, 0.3), (12.0, 25.0, 35.0)))
     vehicles = [Vehicle(kind=kind, speed=speed, body=NO_RESISTANCE) for kind, _, speed in cases]
-    ran = stop(bench(*vehicles, friction=[friction for _, friction, _ in cases]), 14.0)
+    run = stop(bench(*vehicles, friction=[friction for _, friction, _ in cases]), 14.0)
     expected = [
         speed**2 / 2.0 / min(ANTI_LOCK * friction * GRAVITY, body_of(kind)["peak_decel"])
         for kind, friction, speed in cases
     ]
-    np.testing.assert_allclose(ran, expected, rtol=SAME)
+    np.testing.assert_allclose(run, expected, rtol=SAME)
 
 
 def test_weak_brakes_take_v_squared_over_twice_their_deceleration():
@@ -48,16 +48,16 @@ def test_weak_brakes_take_v_squared_over_twice_their_deceleration():
     np.testing.assert_allclose(stop(bench(*vehicles), 9.0), 30.0**2 / (2.0 * 4.0), rtol=SAME)
 
 
-def test_constant_braking_covers_the_way_of_the_textbook_to_the_millimetre():
+def test_constant_braking_covers_the_distance_of_the_textbook_to_the_millimetre():
     # v t - b t^2 / 2: the mean of old and new speed is exact at constant force, whatever the step.
-    ran = bench(Vehicle(speed=30.0, body=NO_RESISTANCE | {"peak_decel": 4.0})).drive(
+    run = bench(Vehicle(speed=30.0, body=NO_RESISTANCE | {"peak_decel": 4.0})).drive(
         5.0, lambda test, _: test.hold(accel=-50.0)
     )
-    expected = 30.0 * ran["t"] - 0.5 * 4.0 * ran["t"] ** 2
-    np.testing.assert_allclose(ran["s"][:, 0], expected, atol=2e-3)
+    expected = 30.0 * run["t"] - 0.5 * 4.0 * run["t"] ** 2
+    np.testing.assert_allclose(run["s"][:, 0], expected, atol=2e-3)
 
 
-def test_the_air_helps_to_brake_by_the_closed_form():
+def test_drag_shortens_the_stopping_distance_by_the_closed_form():
     # m dv/dt = -(B + k v^2) stops within m / (2 k) ln(1 + k v^2 / B).
     friction, speed = 0.3, 35.0
     bodies = {name: [body_of(kind)[name] for kind in FOUR_WHEELERS] for name in body_of("S")}

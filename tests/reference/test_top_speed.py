@@ -33,14 +33,14 @@ def floor_it(b: Bench, _time: float) -> None:
 
 
 def surplus(body: dict[str, float], speed: float) -> float:
-    """Power left at a speed on the flat [W]."""
+    """Surplus power at a speed on a level road [W]."""
     drag = 0.5 * AIR_DENSITY * body["drag_area"] * speed**2
     rolling = body["rolling_resistance"] * body["mass"] * GRAVITY
     return USABLE_POWER * body["power"] - (drag + rolling) * speed
 
 
 @pytest.mark.parametrize("start", [0.985, 1.015])
-def test_without_a_governor_power_ends_where_drag_and_rolling_take_it_all(start: float):
+def test_the_top_speed_without_a_governor_is_where_drag_and_rolling_take_all_power(start: float):
     bodies = [body_of(kind) for kind in KINDS]
     limits = np.array([brentq(lambda v, b=body: surplus(b, v), 1.0, 150.0) for body in bodies])
     free = {"max_speed": 300.0}
@@ -60,7 +60,7 @@ def test_the_governor_holds_its_speed():
         vehicles.append(Vehicle(kind=kind, speed=limit - 0.3))
     speed = bench(*vehicles).drive(10.0, floor_it)["vx"]
     limits = np.array(list(governors.values()))
-    # It closes the throttle over half a metre a second.
+    # The governor closes the throttle over a range of 0.5 m/s.
     assert (speed[-1] >= limits).all()
     assert (speed <= limits + 0.5).all()
 
@@ -68,22 +68,22 @@ def test_the_governor_holds_its_speed():
 @pytest.mark.parametrize(("kind", "expected"), ACCELERATIONS.items())
 def test_full_throttle_gives_the_published_accelerations(kind: str, expected: tuple[float, ...]):
     vehicles = [Vehicle(kind=kind, speed=v, body={"max_speed": 300.0}) for v in SPEEDS]
-    ran = bench(*vehicles, friction=STICKY).drive(0.05, floor_it)
+    run = bench(*vehicles, friction=STICKY).drive(0.05, floor_it)
     # The table is rounded to 0.1, and to 0.05 where it gives two digits.
-    np.testing.assert_allclose(ran["accel_lon"][-1], expected, atol=0.06)
+    np.testing.assert_allclose(run["accel_lon"][-1], expected, atol=0.06)
 
 
-def test_off_the_line_the_launch_limit_holds():
+def test_the_launch_limit_bounds_the_acceleration_at_1_mps():
     kinds = [kind for kind in KINDS if kind != "B"]  # A rider's power is the limit from the start.
-    ran = bench(*[Vehicle(kind=kind, speed=1.0) for kind in kinds], friction=STICKY)
+    run = bench(*[Vehicle(kind=kind, speed=1.0) for kind in kinds], friction=STICKY)
     expected = [
         body["launch_accel"] - body["rolling_resistance"] * GRAVITY for body in map(body_of, kinds)
     ]
-    np.testing.assert_allclose(ran.drive(0.05, floor_it)["accel_lon"][-1], expected, rtol=0.01)
+    np.testing.assert_allclose(run.drive(0.05, floor_it)["accel_lon"][-1], expected, rtol=0.01)
 
 
 @pytest.mark.parametrize("front", [0.0, 1.0])
-def test_driven_wheels_pull_no_harder_than_traction_control_and_their_load_allow(front: float):
+def test_traction_control_and_axle_load_limit_the_acceleration(front: float):
     # Axle load F = m (g c -+ a h) / l and m a = 0.6 mu F - resistance, solved for a.
     friction, speed = 0.2, 5.0
     strong = {"launch_accel": 9.0, "power": 1e7, "front_drive_share": front}

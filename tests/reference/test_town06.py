@@ -123,14 +123,14 @@ def test_roads_against_the_reference_line_lie_where_carla_puts_them(
 
 def test_the_map_file_agrees_with_town06(maps: Path):
     """Lanes, widths, marks, handedness, and each lane centre to 1 cm at ten stations."""
-    known, mapped_road = load_road("town06"), load_road(maps / "Town06.xodr", 40)
-    assert mapped_road.lanes == known.lanes
+    named_road, mapped_road = load_road("town06"), load_road(maps / "Town06.xodr", 40)
+    assert mapped_road.lanes == named_road.lanes
     assert [lane.lane_id for lane in mapped_road.lanes] == [-7, -6, -5, -4, -3]
-    assert mapped_road.driving_side is known.driving_side is DrivingSide.RIGHT
-    assert mapped_road.overtaking_sign == known.overtaking_sign == 1.0
+    assert mapped_road.driving_side is named_road.driving_side is DrivingSide.RIGHT
+    assert mapped_road.overtaking_sign == named_road.overtaking_sign == 1.0
     for known_shoulder, mapped_shoulder in (
-        (known.kerb_side_neighbour, mapped_road.kerb_side_neighbour),
-        (known.overtaking_side_neighbour, mapped_road.overtaking_side_neighbour),
+        (named_road.kerb_side_neighbour, mapped_road.kerb_side_neighbour),
+        (named_road.overtaking_side_neighbour, mapped_road.overtaking_side_neighbour),
     ):
         assert known_shoulder is not None
         assert mapped_shoulder is not None
@@ -143,15 +143,17 @@ def test_the_map_file_agrees_with_town06(maps: Path):
             mapped_shoulder.left_mark,
             mapped_shoulder.right_mark,
         )
-    stations = np.linspace(0.0, known.length, 10)[:, None]
-    x, y = known.to_world(stations, known.lane_centres)
+    stations = np.linspace(0.0, named_road.length, 10)[:, None]
+    x, y = named_road.to_world(stations, named_road.lane_centres)
     mapped_x, mapped_y = mapped_road.to_world(stations, mapped_road.lane_centres)
     assert y.shape == (10, 5)
     np.testing.assert_allclose(mapped_y, y, rtol=0.0, atol=CENTIMETRE)
     np.testing.assert_allclose(mapped_x, x, rtol=0.0, atol=CENTIMETRE)
     # Half a centimetre over the whole length.
-    assert mapped_road.heading == pytest.approx(known.heading, abs=CENTIMETRE / 2.0 / known.length)
-    assert mapped_road.length == pytest.approx(known.length, abs=CENTIMETRE)
+    assert mapped_road.heading == pytest.approx(
+        named_road.heading, abs=CENTIMETRE / 2.0 / named_road.length
+    )
+    assert mapped_road.length == pytest.approx(named_road.length, abs=CENTIMETRE)
 
 
 def test_positive_lateral_offsets_are_on_the_left_in_the_map_file(maps: Path):

@@ -86,7 +86,7 @@ def without_gusts(parameters):
     return dataclasses.replace(parameters, simulation_table=simulation)
 
 
-def turned(road: Road) -> Road:
+def turned_road(road: Road) -> Road:
     """A road with the course of its opposite direction."""
     course, length = road.course, road.length
     assert course is not None
@@ -131,7 +131,7 @@ def test_oncoming_vehicles_overtake_like_vehicles_seen_from_the_other_end():
         for scene in along_scenes
     ]
     runs = []
-    for scenes, scene_road in ((along_scenes, on_road), (oncoming_scenes, turned(on_road))):
+    for scenes, scene_road in ((along_scenes, on_road), (oncoming_scenes, turned_road(on_road))):
         world = scenario(*scenes, road=scene_road, horizon=45.0, index=[7] * len(scenes))
         runs.append(engine.run(world, without_gusts(step_parameters(world))))
     along, against = (run.states for run in runs)

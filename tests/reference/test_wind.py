@@ -89,14 +89,14 @@ def test_pedals_never_pull_a_rider_back_in_a_head_wind(simulator):
 def test_a_head_wind_brakes_and_does_not_push_aside():
     still = bench(Vehicle(speed=30.0)).drive(1.0)
     headwind = bench(Vehicle(speed=30.0), sky={"wind": 100.0, "wind_direction": math.pi})
-    ran = headwind.drive(1.0)
+    run = headwind.drive(1.0)
     assert abs(float(headwind.state.friction_and_wind.wind_force[0, 0])) < 1e-3 * 1400.0
     # No driver reacts here: the pedal holds the air speed, so only the power is a limit.
     body = body_of("M")
     drag = 0.5 * 1.2 * body["drag_area"] * 50.0**2 + body["rolling_resistance"] * 1400.0 * 9.81
     short = drag - 0.9 * body["power"] / 30.0
     assert short < 0.0
-    assert ran["vx"][-1, 0] == pytest.approx(still["vx"][-1, 0], rel=1e-3)
+    assert run["vx"][-1, 0] == pytest.approx(still["vx"][-1, 0], rel=1e-3)
 
 
 @pytest.mark.parametrize("direction", [0.0, math.pi])

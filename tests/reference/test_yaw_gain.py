@@ -34,9 +34,9 @@ def steady_yaw_gains(cases: list[tuple[str, float]], **body: float) -> np.ndarra
             for kind, speed in cases
         ]
     )
-    ran = bench(*vehicles).drive(12.0, lambda b, _: b.hold(wheel=wheel))
-    np.testing.assert_allclose(ran["yaw_rate"][-1], ran["yaw_rate"][-20], rtol=1e-3)
-    return ran["yaw_rate"][-1] / wheel
+    run = bench(*vehicles).drive(12.0, lambda b, _: b.hold(wheel=wheel))
+    np.testing.assert_allclose(run["yaw_rate"][-1], run["yaw_rate"][-20], rtol=1e-3)
+    return run["yaw_rate"][-1] / wheel
 
 
 def test_the_yaw_gain_is_v_over_l_plus_k_v_squared_over_g():

@@ -177,8 +177,8 @@ def test_an_ego_that_came_from_the_left_lane_attempts_when_it_goes_back_there():
 def test_touching_the_line_is_a_drift_and_crossing_it_is_an_attempt():
     width = ROAD.lanes[0].width
     body = {"width": 1.8}
-    for beyond, is_attempt in ((0.03, False), (0.08, True)):
-        reach = ((width - 1.8) / 2 + beyond) / width
+    for distance_over_line, is_attempt in ((0.03, False), (0.08, True)):
+        reach = ((width - 1.8) / 2 + distance_over_line) / width
         ego = Track(speed=20.0, lane=lane_over_time((3, 0), (10, reach), (17, 0)), body=body)
         events = case(ego, AHEAD, frames=FRAMES, road=ROAD).events
         assert bool(events.has_attempt[0]) == is_attempt
@@ -228,8 +228,8 @@ def test_an_overtake_that_the_horizon_cuts_off_is_open():
 
 
 def test_passing_two_vehicles_is_one_overtake_of_the_first():
-    both = (AHEAD, Track(s=80.0, speed=20.0))
-    events = detect_events(lane_over_time((3, 0), (6, 1), (16, 1), (19, 0)), *both)
+    targets = (AHEAD, Track(s=80.0, speed=20.0))
+    events = detect_events(lane_over_time((3, 0), (6, 1), (16, 1), (19, 0)), *targets)
     assert outcome_of(events) == (Outcome.COMPLETED, OutcomeDetail.NONE)
     assert events.target_slot[0] == 1
     assert events.num_passed[0] == 2
@@ -276,9 +276,9 @@ def test_moving_two_lanes_out_and_back_is_one_overtake():
     assert events.return_begin[0] == pytest.approx(280, abs=3)
 
 
-def events_with_contact(ego_lane, other: Track, frame: int, speed=28.0):
+def events_with_contact(ego_lane, partner: Track, frame: int, speed=28.0):
     """Events of an ego and another vehicle that touch from a frame on."""
-    drive = case(Track(speed=speed, lane=ego_lane), other, frames=FRAMES, road=ROAD)
+    drive = case(Track(speed=speed, lane=ego_lane), partner, frames=FRAMES, road=ROAD)
     hit = drive.trajectories.collided_with.copy()
     hit[:, frame:] = 1
     return seen_case(drive.trajectories.replace(collided_with=hit)).events
@@ -392,14 +392,14 @@ def test_the_earlier_one_of_spin_and_departure_decides_the_detail():
     events = detect_events(lane_over_time((3, 1), (8, 3.5)), dataclasses.replace(AHEAD, lane=1))
     off = int(events.road_departure[0])
     for spin, detail in ((off - 1, OutcomeDetail.SPUN), (off + 1, OutcomeDetail.DEPARTED)):
-        both = events.replace(spin=np.array([spin], np.int32))
-        assert OutcomeDetail(int(outcome_details(both, 50)[0])) is detail
+        spun_events = events.replace(spin=np.array([spin], np.int32))
+        assert OutcomeDetail(int(outcome_details(spun_events, 50)[0])) is detail
 
 
 def test_a_departure_with_a_contact_is_a_collision():
     events = detect_events(lane_over_time((3, 1), (8, 3.5)), dataclasses.replace(AHEAD, lane=1))
-    both = events.replace(collision=events.road_departure + np.int32(2))
-    assert outcome_of(both)[0] is Outcome.COLLISION
+    events_with_collision = events.replace(collision=events.road_departure + np.int32(2))
+    assert outcome_of(events_with_collision)[0] is Outcome.COLLISION
 
 
 @pytest.mark.parametrize(

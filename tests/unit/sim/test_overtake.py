@@ -32,10 +32,12 @@ EAGER = {
 
 
 def ego(speed: float = 30.0, lane: int = 0, **driver: float) -> Vehicle:
+    """The ego at 100 m, by default an eager driver at 30 m/s in the slowest lane."""
     return Vehicle(s=100.0, lane=lane, speed=speed, driver=EAGER | driver)
 
 
-def other(s: float, lane: int, speed: float) -> Vehicle:
+def vehicle_at(s: float, lane: int, speed: float) -> Vehicle:
+    """Another vehicle at a distance from the ego, which keeps its speed."""
     return Vehicle(s=100.0 + s, lane=lane, speed=speed, driver={"desired_speed": speed})
 
 
@@ -56,7 +58,7 @@ def first_frame(recording: Trajectories, stage: Stage) -> int:
 
 
 def test_a_slow_leader_on_an_empty_road_is_overtaken_and_the_ego_returns():
-    recording = run_engine(ego(), other(80.0, 0, 20.0))
+    recording = run_engine(ego(), vehicle_at(80.0, 0, 20.0))
     assert stages(recording) == [Stage.FOLLOW, Stage.PULL_OUT, Stage.PASS, Stage.RETURN, Stage.DONE]
     end = int(recording.num_frames[0]) - 1
     assert recording.states.s[0, 0, end] > recording.states.s[0, 1, end]
@@ -64,8 +66,8 @@ def test_a_slow_leader_on_an_empty_road_is_overtaken_and_the_ego_returns():
     assert (recording.contacts.partner == 255).all()
 
 
-def test_it_passes_in_the_next_lane_and_returns_with_a_gap():
-    recording = run_engine(ego(return_time_gap=1.5), other(80.0, 0, 20.0))
+def test_the_ego_passes_in_the_next_lane_and_returns_with_a_gap():
+    recording = run_engine(ego(return_time_gap=1.5), vehicle_at(80.0, 0, 20.0))
     s, lane = recording.states.s[0] / 1000.0, recording.states.lane[0, 0]
     beside = np.abs(s[0] - s[1]) < CAR
     assert (lane[: recording.num_frames[0]][beside[: recording.num_frames[0]]] == 1).all()
@@ -74,8 +76,8 @@ def test_it_passes_in_the_next_lane_and_returns_with_a_gap():
     assert s[0, back + 50] - s[1, back + 50] - CAR >= 1.5 * 20.0 - 0.5
 
 
-def test_it_indicates_before_it_pulls_out_and_before_it_returns():
-    recording = run_engine(ego(indicator_lead_time=1.5), other(80.0, 0, 20.0))
+def test_the_ego_indicates_before_it_pulls_out_and_before_it_returns():
+    recording = run_engine(ego(indicator_lead_time=1.5), vehicle_at(80.0, 0, 20.0))
     lights = recording.states.lights[0, 0].astype(int)
     out, back = first_frame(recording, Stage.PULL_OUT), first_frame(recording, Stage.RETURN)
     left, right = Lights.INDICATOR_LEFT, Lights.INDICATOR_RIGHT
@@ -89,26 +91,26 @@ def test_it_indicates_before_it_pulls_out_and_before_it_returns():
 
 
 def test_a_driver_without_indicator_shows_none():
-    recording = run_engine(ego(uses_indicator=0.0), other(80.0, 0, 20.0))
+    recording = run_engine(ego(uses_indicator=0.0), vehicle_at(80.0, 0, 20.0))
     assert Stage.DONE in stages(recording)
     assert not (recording.states.lights[0, 0] & 3).any()
 
 
 @pytest.mark.parametrize("leader", [29.5, 33.0])
 def test_a_leader_that_is_hardly_slower_is_followed(leader: float):
-    recording = run_engine(ego(desired_speed=30.0), other(60.0, 0, leader), horizon=20.0)
+    recording = run_engine(ego(desired_speed=30.0), vehicle_at(60.0, 0, leader), horizon=20.0)
     assert stages(recording) == [Stage.FOLLOW]
 
 
 def test_on_the_fastest_lane_there_is_no_overtaking():
-    recording = run_engine(ego(lane=2), other(80.0, 2, 20.0), horizon=20.0)
+    recording = run_engine(ego(lane=2), vehicle_at(80.0, 2, 20.0), horizon=20.0)
     assert stages(recording) == [Stage.FOLLOW]
 
 
-def test_it_waits_while_the_next_lane_is_occupied():
+def test_the_ego_waits_while_the_next_lane_is_occupied():
     # A convoy at 28 m/s passes in the next lane; the leader drives 20 m/s.
-    convoy = [other(20.0 - 30.0 * k, 1, 28.0) for k in range(5)]
-    recording = run_engine(ego(speed=22.0), other(60.0, 0, 20.0), *convoy)
+    convoy = [vehicle_at(20.0 - 30.0 * k, 1, 28.0) for k in range(5)]
+    recording = run_engine(ego(speed=22.0), vehicle_at(60.0, 0, 20.0), *convoy)
     out = first_frame(recording, Stage.PULL_OUT)
     assert Stage.DONE in stages(recording)
     s = recording.states.s[0] / 1000.0
@@ -122,8 +124,8 @@ def test_it_waits_while_the_next_lane_is_occupied():
 
 def test_impatient_drivers_accept_smaller_gaps():
     # Cars at 26 m/s every 56 m in the next lane: too dense for twice the usual demand.
-    convoy = [other(10.0 - 56.0 * k, 1, 26.0) for k in range(6)]
-    leader = other(40.0, 0, 20.0)
+    convoy = [vehicle_at(10.0 - 56.0 * k, 1, 26.0) for k in range(6)]
+    leader = vehicle_at(40.0, 0, 20.0)
     patient, impatient = (
         run_engine(ego(speed=21.0, patience=patience, gap_demand_factor=2.0), leader, *convoy)
         for patience in (1e4, 2.0)
@@ -133,12 +135,12 @@ def test_impatient_drivers_accept_smaller_gaps():
     assert not (patient.stage[0, :300] == Stage.PULL_OUT).any()
 
 
-def test_a_fast_vehicle_behind_makes_it_cancel_early():
+def test_a_fast_vehicle_behind_makes_the_ego_abort_early():
     # A car at 48 m/s, beyond the range of the mirror (150 m) at the pull-out, and an ego with
     # a long lane change that imposes little braking.
-    racer = other(-205.0, 1, 48.0)
+    racer = vehicle_at(-205.0, 1, 48.0)
     timid = ego(speed=22.0, indicator_lead_time=0.1, lane_change_duration=9.0, safe_decel=2.0)
-    world = scenario([timid, other(30.0, 0, 20.0), racer], road=wide_road(), horizon=30.0)
+    world = scenario([timid, vehicle_at(30.0, 0, 20.0), racer], road=wide_road(), horizon=30.0)
     recording = engine.run(
         world, step_parameters(world, dataclasses.replace(PERFECT_PERCEPTION, range=True))
     )
@@ -151,19 +153,19 @@ def test_a_fast_vehicle_behind_makes_it_cancel_early():
 
 
 def test_the_deadline_ends_a_simulation_without_an_attempt():
-    recording = run_engine(ego(desired_speed=20.0), other(60.0, 0, 25.0), attempt_deadline=8.0)
+    recording = run_engine(ego(desired_speed=20.0), vehicle_at(60.0, 0, 25.0), attempt_deadline=8.0)
     assert int(recording.num_frames[0]) == 161
     assert stages(recording) == [Stage.FOLLOW]
 
 
 def test_three_seconds_after_the_overtake_the_simulation_ends():
-    recording = run_engine(ego(), other(80.0, 0, 20.0))
+    recording = run_engine(ego(), vehicle_at(80.0, 0, 20.0))
     done_frame = first_frame(recording, Stage.DONE)
     assert int(recording.num_frames[0]) - 1 - done_frame in (59, 60)
 
 
 def test_beliefs_are_recorded_at_each_manoeuvre():
-    recording = run_engine(ego(), other(80.0, 0, 20.0), other(-60.0, 1, 25.0))
+    recording = run_engine(ego(), vehicle_at(80.0, 0, 20.0), vehicle_at(-60.0, 1, 25.0))
     percepts = recording.percepts
     kinds = [ManoeuvreKind(k) for k in percepts.kind[0][percepts.valid[0]]]
     assert kinds == [ManoeuvreKind.PULL_OUT, ManoeuvreKind.RETURN]
@@ -196,17 +198,21 @@ def gap_inputs(*vehicles: Vehicle) -> tuple[TrafficInstant, gap_acceptance.GapAc
     ("front", "behind", "allowed"),
     [
         (None, None, True),
-        (other(60.0, 0, 30.0), None, True),
-        (other(8.0, 0, 22.0), None, False),  # It would have to brake hard at once.
-        (other(5.5, 0, 30.5), None, False),  # Too close, although the leader is faster.
-        (other(60.0, 0, 22.0), None, False),  # It would have to pull out again within 8 s.
-        (None, other(-40.0, 0, 20.0), True),
-        (None, other(-20.0, 0, 20.0), True),  # 16 m, and 25 m more until the line is crossed.
-        (None, other(-20.0, 0, 29.0), False),  # Hardly more than 16 m: less than a time gap of 1 s.
-        (None, other(-45.0, 0, 48.0), False),  # The follower would have to brake hard.
+        (vehicle_at(60.0, 0, 30.0), None, True),
+        (vehicle_at(8.0, 0, 22.0), None, False),  # It would have to brake hard at once.
+        (vehicle_at(5.5, 0, 30.5), None, False),  # Too close, although the leader is faster.
+        (vehicle_at(60.0, 0, 22.0), None, False),  # It would have to pull out again within 8 s.
+        (None, vehicle_at(-40.0, 0, 20.0), True),
+        (None, vehicle_at(-20.0, 0, 20.0), True),  # 16 m, and 25 m more until the line is crossed.
+        (
+            None,
+            vehicle_at(-20.0, 0, 29.0),
+            False,
+        ),  # Hardly more than 16 m: less than a time gap of 1 s.
+        (None, vehicle_at(-45.0, 0, 48.0), False),  # The follower would have to brake hard.
     ],
 )
-def test_it_returns_only_into_gaps_ahead_and_behind(front, behind, allowed: bool):
+def test_the_ego_returns_only_into_gaps_ahead_and_behind(front, behind, allowed: bool):
     neighbours = [vehicle for vehicle in (front, behind) if vehicle is not None]
     instant, inputs = gap_inputs(ego(lane=1), *neighbours)
     assert bool(gap_acceptance.accepts_return_gaps(instant.params, inputs)[0]) is allowed
@@ -216,19 +222,19 @@ def test_it_returns_only_into_gaps_ahead_and_behind(front, behind, allowed: bool
     ("neighbours", "allowed"),
     [
         ((), True),
-        ((other(-36.0, 1, 30.0),), True),
+        ((vehicle_at(-36.0, 1, 30.0),), True),
         (
-            (other(-28.0, 1, 30.0),),
+            (vehicle_at(-28.0, 1, 30.0),),
             False,
         ),  # After accelerating a little it would have to brake hard.
-        ((other(-5.0, 1, 30.0),), False),  # Alongside.
-        ((other(-30.0, 1, 48.0),), False),
-        ((other(12.0, 1, 20.0),), False),  # Near, and no faster than the present leader.
-        ((other(150.0, 1, 29.0),), True),
+        ((vehicle_at(-5.0, 1, 30.0),), False),  # Alongside.
+        ((vehicle_at(-30.0, 1, 48.0),), False),
+        ((vehicle_at(12.0, 1, 20.0),), False),  # Near, and no faster than the present leader.
+        ((vehicle_at(150.0, 1, 29.0),), True),
     ],
 )
-def test_it_pulls_out_only_with_a_gap_and_a_gain(neighbours, allowed: bool):
-    instant, inputs = gap_inputs(ego(), other(40.0, 0, 20.0), *neighbours)
+def test_the_ego_pulls_out_only_with_a_gap_and_a_gain_of_speed(neighbours, allowed: bool):
+    instant, inputs = gap_inputs(ego(), vehicle_at(40.0, 0, 20.0), *neighbours)
     assert bool(gap_acceptance.accepts_pull_out_gaps(instant.params, inputs)[0]) is allowed
 
 
@@ -249,10 +255,10 @@ def test_waiting_never_imposes_more_braking_than_the_limit():
         (40.0, 32.5, False),  # The gain of speed is too small.
     ],
 )
-def test_it_wants_to_overtake_a_slow_and_near_leader(
+def test_the_ego_wants_to_overtake_a_slow_and_near_leader(
     distance: float, leader: float, wants_to_overtake: bool
 ):
-    instant, inputs = gap_inputs(ego(), other(distance, 0, leader))
+    instant, inputs = gap_inputs(ego(), vehicle_at(distance, 0, leader))
     assert bool(gap_acceptance.wants_to_overtake(instant.params, inputs)[0]) is wants_to_overtake
 
 
@@ -261,7 +267,7 @@ def branched(decision: ForcedDecision, seconds: float, *vehicles: Vehicle) -> Tr
     return branch(world, round(seconds * 20.0), decision=decision)
 
 
-STORY = (ego(), other(80.0, 0, 20.0))
+STORY = (ego(), vehicle_at(80.0, 0, 20.0))
 
 
 def test_a_branch_can_forbid_the_overtake():
@@ -269,7 +275,7 @@ def test_a_branch_can_forbid_the_overtake():
 
 
 def test_a_branch_can_force_the_overtake():
-    content = (ego(min_speed_gain=1e6), other(80.0, 0, 25.0))
+    content = (ego(min_speed_gain=1e6), vehicle_at(80.0, 0, 25.0))
     recording = branched(ForcedDecision.PULL_OUT, 2.0, *content)
     # It takes effect at the first instant that allows it, after the indicator has been on.
     assert first_frame(recording, Stage.PULL_OUT) * 0.05 == pytest.approx(3.0, abs=0.11)
@@ -296,7 +302,7 @@ def test_a_branch_can_force_a_return_into_a_follower_that_brakes_only_for_an_ind
         lane_change_duration=4.0,
     )
     lorry = dataclasses.replace(slow, body={"max_speed": 25.0})
-    story = (lorry, other(25.0, 0, 23.5))
+    story = (lorry, vehicle_at(25.0, 0, 23.5))
     undisturbed = engine.simulate(scenario(list(story), road=wide_road(), horizon=40.0))
     s = undisturbed.states.s[0]
     beside = int(np.argmin(np.abs(s[0] - s[1])[: undisturbed.num_frames[0]]))
