@@ -134,7 +134,7 @@ def test_phases_of_completed_overtakes_are_in_order():
     names = ("attempt", "overlap_begin", "overlap_end", "return_end")
     frames = [getattr(events, name)[is_completed] for name in names]
     assert all((earlier <= later).all() for earlier, later in itertools.pairwise(frames))
-    # An ego that cuts in closely turns back before it is wholly past.
+    # An ego that cuts in closely begins its return before it has passed completely.
     return_begin = events.return_begin[is_completed]
     assert ((frames[0] < return_begin) & (return_begin <= frames[-1])).all()
     final_lane = at_frame(labelled().signals.lane, events.return_end)[is_completed]

@@ -163,7 +163,7 @@ def test_a_shift_along_the_road_changes_nothing_else(seed: int, index: list[int]
         engine.run(scene, step_parameters(scene, EnabledEffects(gusts=False))) for scene in placed
     )
     differences = shifted_by(run, shifted_run, float(shift))
-    # A last bit may tip a decision whose threshold it sits on: of 6,000 simulations 0.5 % differ by
+    # A last bit may change a decision at its threshold: of 6,000 simulations 0.5 % differ by
     # more than 10 mm, so four of twelve have a probability of 4e-7.
     differences = np.sort(differences)
     assert differences[6] <= 5
@@ -465,7 +465,7 @@ def test_simulations_end_at_the_first_applicable_limit(seed: int, index: list[in
             waited = (len(stages) - 1) * 0.05
             assert float(run.scenario.attempt_deadline[i]) - 1e-6 <= waited <= ends[0] + 1e-6
             continue
-        # The stage is recorded with its frame, the instant lies up to 50 ms before it.
+        # A frame records the stage up to 50 ms after its change.
         assert (len(stages) - 1) * 0.05 == pytest.approx(min(ends), abs=0.051)
 
 

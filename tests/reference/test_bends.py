@@ -114,7 +114,7 @@ def test_steady_cornering_takes_the_acceleration_of_a_circle(radius: float):
     )  # The wander in the lane is 0.3 m at most.
 
 
-def test_a_full_circle_ends_where_it_began():
+def test_a_full_circle_ends_at_its_start():
     radius = 200.0
     run = lone(
         on(wide(), (6000.0, 1 / radius, 1 / radius)), seconds=90.0, desired_speed=18.0, speed=18.0

@@ -323,15 +323,15 @@ def test_a_rear_end_at_10_mps_gives_the_closed_form_in_one_dimension(striker: st
     impulse = (1.0 + RESTITUTION) * 10.0 * m1 * m2 / (m1 + m2)
     assert float(impact.after.first_contact.impulse[0, 0]) == pytest.approx(impulse, rel=1e-5)
     assert float(impact.after.first_contact.closing_speed[1, 0]) == pytest.approx(10.0, rel=1e-5)
-    # They come 0.1 m closer in the step, the eighth, and overlap by 0.02 m at its end.
+    # The cars come 0.1 m closer in the eighth step, and overlap by 0.02 m at its end.
     assert float(impact.after.first_contact.time[0, 0]) == pytest.approx(0.078, abs=1e-4)
 
 
 def test_an_off_centre_rear_end_turns_both_vehicles_in_the_direction_of_mechanics():
     gap = 0.5 * body_of("M")["length"] * 2.0 - 0.02
     impact = crash(("M", "M"), place=(gap, 1.0), motion=((30.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
-    # The struck car is hit on its right rear: pushed forwards there, it turns to the left. The
-    # striking one is held on its left front and turns to the left as well.
+    # The impulse pushes the struck car forwards on its right rear, so it turns to the left. The
+    # impulse holds the striking car back on its left front, so it turns to the left as well.
     assert float(impact.after.motion.yaw_rate[1, 0]) > 0.1
     assert float(impact.after.motion.yaw_rate[0, 0]) > 0.1
     # Contact in the middle of the overlap, 0.5 m from each axis: softness by the textbook.
@@ -353,7 +353,7 @@ def test_vehicles_that_slide_along_each_other_lose_no_speed():
 
 
 def test_the_time_of_a_collision_follows_from_kinematics():
-    # A standing car 100 m ahead of one whose driver sees nothing: 25 m/s, held by the pedal.
+    # A standing car is 100 m ahead of a car at 25 m/s, whose driver sees nothing.
     blind = {"time_gap": 0.0, "desired_speed": 25.0}
     cars = [
         Vehicle(s=0.0, speed=25.0, driver=blind),
@@ -369,7 +369,8 @@ def test_the_time_of_a_collision_follows_from_kinematics():
     before = run.states.s[0, :2, frame] / 1000.0
     speed = run.states.speed[0, 0, frame] / 1000.0
     room = before[1] - before[0] - body_of("M")["length"]
-    # From the last frame before it at constant speed; drag is held off by the pedal. One step.
+    # At constant speed from the last frame before the contact; the pedal balances drag. The
+    # tolerance is one step.
     expected = frame * 50.0 + room / speed * 1000.0
     assert int(run.contacts.time[0, 0]) == pytest.approx(expected, abs=10.0)
     # The striking speed is the speed of approach, and nothing moved before.

@@ -54,7 +54,7 @@ def test_exp_is_within_two_ulp_on_a_dense_grid():
     assert ulps(float32_math.exp(x), np.exp(x.astype(np.float64))).max() < EXP_ULP
 
 
-def test_exp_of_zero_is_one_and_beyond_its_range_it_is_clamped():
+def test_exp_of_zero_is_one_and_exp_is_clamped_beyond_its_range():
     x = np.array([0.0, -0.0, -1000.0, -87.0, 1000.0, 88.0], dtype=np.float32)
     at_zero, at_minus_zero, lowest, at_low, highest, at_high = float32_math.exp(x)
     assert at_zero == at_minus_zero == 1.0
@@ -142,7 +142,7 @@ def test_the_error_of_power_is_bounded_by_its_exponent():
         with mpmath.workdps(40):
             power = mpmath.mpf(float(np.float32(exponent)))
         expected = exact(lambda x, power=power: x**power, base)
-        # The argument of exp is rounded, and an absolute error there is a relative one after it.
+        # The argument of exp is rounded; its absolute error is a relative error of the result.
         argument = np.abs(exponent * np.log(base.astype(np.float64)))
         bound = EXP_ULP + 2.0 * (argument + 1.0)
         assert np.all(ulps(computed, expected) < bound)

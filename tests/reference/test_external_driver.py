@@ -81,8 +81,7 @@ def test_recorded_actions_have_the_same_bits_on_both_engines(kind):
     assert (expected.trace_hash != built_in_run.trace_hash).any(axis=1).sum() > 6
 
 
-# No kind of action depends on the observation. Each kind is tested with one of these, and each of
-# these with at least one kind.
+# No kind of action depends on the observation, so each kind is tested with one observation.
 VIEWS = [("pinto2023-physical", False), ("pinto2023-physical", True), ("pinto2023", False)]
 
 

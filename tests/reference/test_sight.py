@@ -100,7 +100,7 @@ def test_the_sight_distance_falls_before_a_bend_and_recovers_behind_it():
         eye = np.array([-distance, radius])
         angles = np.linspace(0.0, 0.8, 800_001)
         inner = radius - CLEARANCE
-        # Height of the line of sight beyond a point of the wall: the lowest line that clears it.
+        # Slope of the line of sight past each point of the wall; the steepest one clears the wall.
         rise = (inner * np.cos(angles) - eye[1]) / (inner * np.sin(angles) - eye[0])
         steepest = rise.max()
         path = radius * np.cos(angles) - eye[1] - steepest * (radius * np.sin(angles) - eye[0])

@@ -1,4 +1,4 @@
-"""The paper's road against the paper, CARLA and the map file; other maps against their own text.
+"""The paper's road against the paper, CARLA and the map file; other maps against their text.
 
 `town06` is stated as facts. Here they meet frame 70 of the paper (its only printed row), the
 positions that `carla.Map` 0.9.16 gives for Town06, road 40, and, where the maps of others lie
@@ -86,7 +86,7 @@ WAYPOINTS = {  # Station: x and y of the lanes -7 to -3, from carla.Map.get_wayp
 
 
 @pytest.mark.parametrize("station", WAYPOINTS)
-def test_town06_lies_where_carla_puts_it(station: float):
+def test_the_lanes_of_town06_have_the_positions_of_carla(station: float):
     """Waypoints of the Python package carla 0.9.16 on its map Town06; CARLA's y is negated."""
     road = load_road("town06")
     x, y = road.to_world(station, road.lane_centres)
@@ -104,7 +104,7 @@ def test_town06_lies_where_carla_puts_it(station: float):
         (23, 5, -25.901253, 135.579056, 180.13438415527344, "Solid", "Broken"),
     ],
 )
-def test_roads_against_the_reference_line_lie_where_carla_puts_them(
+def test_roads_against_the_reference_line_have_the_positions_of_carla(
     maps: Path, road_id: int, lane_id: int, x, y, yaw_deg, right: str, left: str
 ):
     """Lanes with positive ids, at the file's station 2 m: waypoints of carla 0.9.16 as above."""

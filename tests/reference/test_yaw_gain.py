@@ -62,7 +62,7 @@ def test_at_the_characteristic_speed_the_yaw_gain_is_half_of_a_neutral_vehicle()
 @pytest.mark.parametrize(
     ("kind", "degrees"), [("S", 1.6), ("M", 1.7), ("L", 1.6), ("V", 1.6), ("T", 0.9)]
 )
-def test_every_class_has_the_understeer_of_its_vehicles(kind: str, degrees: float):
+def test_every_class_has_its_understeer_angle(kind: str, degrees: float):
     assert math.degrees(understeer(kind)) == pytest.approx(degrees, abs=0.07)
 
 

@@ -294,7 +294,7 @@ def test_frames_at_half_the_rate_are_every_second_frame():
     assert (half[:, :, :count] == full[:, :, ::2][:, :, :count]).all()
 
 
-# --- one world in a process ---
+# --- one simulation per process ---
 
 
 def test_a_simulation_that_the_caller_has_open_is_left_alone(tmp_path):

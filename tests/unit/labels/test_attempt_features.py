@@ -154,7 +154,7 @@ def test_margins_of_the_law_are_for_a_lane_change_at_the_attempt():
     safe_behind = 30.0 + (30.0**2 - 28.0**2) / (2.0 * decel)
     assert features.law.leader[0] == pytest.approx(gap - safe_ahead, abs=1e-3)
     assert features.law.left_follower[0] == pytest.approx(gap_behind - safe_behind, abs=1e-3)
-    # The general limit of motorways, 120 km/h, is below what this road posts.
+    # The general limit of motorways, 120 km/h, is below the posted limit of this road.
     assert features.law.speed[0] == pytest.approx(120.0 / 3.6 - 28.0, abs=1e-3)
 
 

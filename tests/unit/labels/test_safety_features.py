@@ -115,7 +115,7 @@ def test_the_share_below_the_safe_distance_counts_frames():
     measures = safety_features(drive)
     gap = drive.signals.gap[0, NeighbourRole.LEADER]
     assert 0.0 < measures.share_below_safe_distance[0] < 1.0
-    # The safe distance grows by (28^2 - 27^2) / (2 b) only, so it is between these two.
+    # The safe distance grows by (28^2 - 27^2) / (2 b) only, so the share is between these two.
     assert (gap < 28.0).mean() <= measures.share_below_safe_distance[0] <= (gap < 33.0).mean()
 
 

@@ -153,7 +153,7 @@ BY_HAND = [
     ("L28", lambda: behind(kind="T", speed=10.0, road=two_way_road()), math.sqrt(2.0) * SP),
     # At 30 m/s, with the braking distance of `GAP_ERROR`.
     ("L14", lambda: behind(), (1.0 + 30.0 / DECEL) * SV),
-    # From the line crossing to the return it takes 50 frames of 0.05 s; 1 s is added.
+    # From the line crossing to the return are 50 frames of 0.05 s; the rule adds 1 s.
     ("L15", sight_of_300_m, (2.5 + 1.0) * SV),
     ("O16", sight_of_300_m, (2.5 + 1.0) * SV),
     # Lanes are 3.75 m wide. The ego is a fifth of a lane left of the middle of its lane.
@@ -190,7 +190,7 @@ BY_HAND = [
         lambda: rural(meeting(60.0)),
         math.hypot(math.sqrt(2.0) * SP, 13.9 * SV, SV, 50.0 / (3.5 / 3.0) * SP),
     ),
-    # Behind the gap 20 m/s, ahead of it 24 m/s.
+    # The vehicle behind the gap drives 20 m/s, the one ahead of the gap 24 m/s.
     (
         "L27",
         lambda: rural(Track(s=143.8, speed=24.0)),

@@ -67,8 +67,8 @@ def test_braking_forced_on_an_overlapping_follower_has_no_error_where_it_is_capp
 
 
 def test_the_braking_that_decides_lies_within_3_s_after_a_change_of_lane():
-    # No follower has to brake: the one before the change of lane falls back at 20 m/s, the one
-    # after it at 0.1 m/s.
+    # No follower has to brake: the follower before the change of lane falls back at 20 m/s, the
+    # follower after it at 0.1 m/s.
     followers = Track(s=-50.0, speed=10.0), Track(s=-20.0, speed=29.9, lane=1)
     falling_back = crossing(*followers, ego={"lane": CHANGE_OF_LANE})
     assert RULES["L23"].criterion.check(falling_back).margin[0] == 2.0

@@ -35,9 +35,9 @@ UPPER_BOUNDS = {
     ("L2", "over a mixed line that is broken on this side"),
     ("L2", "over a mixed line that is continuous on this side"),
     ("L2", "back over a mixed line that is continuous from there"),
-    # The other edge is as near, so the nearer one varies less.
+    # The other edge is equally near, so the distance to the nearer edge varies less.
     ("L2", "back before the line is solid"),
-    # Half way through a stretch one end comes nearer as the other goes away.
+    # In the middle of a stretch one end comes nearer as the other end recedes.
     ("L17", "over a crossing for pedestrians on lanes of one direction"),
     ("L29", "a truck behind a sign for trucks"),
 }

@@ -106,10 +106,10 @@ def test_three_seconds_after_a_cut_in_the_distance_counts_again():
 
 def test_the_time_to_regain_the_distance_ends_when_the_new_leader_leaves_the_lane():
     # A vehicle cuts in and leaves again. Meanwhile the gap to the target ahead became too small.
-    short_leader = Track(
+    brief_leader = Track(
         s=25.0, speed=30.0, lane=ramp((6, 1), (6.5, 0), (7.5, 0), (8, 1), frames=200)
     )
-    judged = crossing(short_leader, target={"s": 56.4, "speed": 28.0})
+    judged = crossing(brief_leader, target={"s": 56.4, "speed": 28.0})
     departure_frame = int(np.flatnonzero(judged.trajectories.states.lane[0, 2] == 0)[-1]) + 1
     assert judge_rule(RULES["L3"], judged).first_frame[0] == departure_frame
 
@@ -181,7 +181,7 @@ def test_l4_and_l5_judge_the_frame_in_which_the_ego_crosses_the_line():
 def test_on_a_two_way_road_l15_requires_sight_of_the_distance_that_both_vehicles_drive():
     drive = {"ego": {"speed": 20.0}, "events": CROSSED | {"abort_end": 140}}
     finding = judge_rule(RULES["L15"], along_course(RoadCourse(sight=((0.0, 300.0),)), **drive))
-    # 2 s out and 1 s more, at 20 m/s and the limit of 25 m/s.
+    # 2 s in the opposing lane and 1 s more, at 20 m/s and the limit of 25 m/s.
     assert finding.margin[0] == pytest.approx(300.0 - 45.0 * 3.0, abs=0.01)
 
 
