@@ -36,7 +36,8 @@ class Runs:
 
     values: dict[int, dict[str, np.ndarray]]
 
-    def flat(self, decision: int, name: str) -> np.ndarray:
+    def process_values(self, decision: int, name: str) -> np.ndarray:
+        """Values of one process at a decision, flattened over vehicles and simulations."""
         return self.values[decision][name].ravel().astype(np.float64)
 
 
@@ -68,7 +69,7 @@ def runs() -> Runs:
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("decision", DECISIONS)
 def test_the_variance_is_one_from_the_first_decision_on(runs: Runs, name: str, decision: int):
-    values = runs.flat(decision, name)
+    values = runs.process_values(decision, name)
     assert abs(values.mean()) < 3.0 / math.sqrt(SAMPLES)
     assert values.var() == pytest.approx(1.0, abs=3.0 * math.sqrt(2.0 / SAMPLES))
 
@@ -76,7 +77,7 @@ def test_the_variance_is_one_from_the_first_decision_on(runs: Runs, name: str, d
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("early", "late"), [(0, 20), (20, 40), (0, 80), (80, 160), (160, 400)])
 def test_the_autocorrelation_falls_exponentially(runs: Runs, name: str, early: int, late: int):
-    value = float(np.mean(runs.flat(early, name) * runs.flat(late, name)))
+    value = float(np.mean(runs.process_values(early, name) * runs.process_values(late, name)))
     expected = math.exp(-(late - early) * DECISION / TIMES[name])
     assert value == pytest.approx(expected, abs=3.0 * math.sqrt(2.0 / SAMPLES))
 
@@ -85,7 +86,7 @@ def test_the_autocorrelation_falls_exponentially(runs: Runs, name: str, early: i
 def test_after_a_few_correlation_times_the_values_are_normal(runs: Runs, name: str):
     # 20 s are five correlation times and more. The innovations are uniform, whose excess kurtosis
     # of -1.2 is left to the part (1 - k^2) / (1 + k^2), below 2 %; k: the correlation over 50 ms.
-    values = runs.flat(400, name)
+    values = runs.process_values(400, name)
     keep = math.exp(-DECISION / TIMES[name])
     expected = -1.2 * (1.0 - keep**2) / (1.0 + keep**2)
     assert kurtosis(values) == pytest.approx(expected, abs=3.0 * math.sqrt(24.0 / SAMPLES))
@@ -96,9 +97,9 @@ def test_after_a_few_correlation_times_the_values_are_normal(runs: Runs, name: s
 def test_slow_processes_begin_bounded_and_become_normal(runs: Runs, name: str):
     # The first draw is uniform: no error begins at more than sqrt(3) standard deviations. Its
     # excess kurtosis of -1.2 fades with the fourth power of the correlation, to 2 % after 20 s.
-    assert np.abs(runs.flat(0, name)).max() < math.sqrt(3.0)
+    assert np.abs(runs.process_values(0, name)).max() < math.sqrt(3.0)
     correlation = math.exp(-20.0 / TIMES[name])
-    values = runs.flat(400, name)
+    values = runs.process_values(400, name)
     assert kurtosis(values) == pytest.approx(
         -1.2 * correlation**4, abs=0.01 + 3.0 * math.sqrt(24.0 / SAMPLES)
     )
@@ -106,7 +107,7 @@ def test_slow_processes_begin_bounded_and_become_normal(runs: Runs, name: str):
 
 def test_processes_vehicles_and_simulations_are_independent(runs: Runs):
     bound = 4.0 / math.sqrt(SAMPLES)
-    columns = [runs.flat(160, name) for name in NAMES]
+    columns = [runs.process_values(160, name) for name in NAMES]
     table = np.corrcoef(columns)
     assert np.abs(table - np.eye(len(NAMES))).max() < bound
     for name in NAMES:
