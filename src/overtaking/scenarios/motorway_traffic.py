@@ -213,8 +213,8 @@ def road_length(specification: Specification, flow: FlowTraffic) -> float:
     # A drawn spacing exceeds the mean by at most this factor, as normal numbers end at MAX_SIGMAS.
     # The last bit of `np.exp` depends on the machine; `sampler` rounds the length up to 100 m.
     max_spacing = max_mean_spacing * float(np.exp(flow.spacing_sigma * float(MAX_SIGMAS)))
-    num_left = max(flow.vehicles[0] - 3 * len(flow.lanes), 0)
-    beyond_sight = max_approach_speed * end_time + num_left * max_mean_spacing
+    num_missing = max(flow.vehicles[0] - 3 * len(flow.lanes), 0)
+    beyond_sight = max_approach_speed * end_time + num_missing * max_mean_spacing
     beyond_sight = max(beyond_sight, (speed_range + max_speed) * duration)
     traffic = sum(flow.sight_m) + beyond_sight + 2.0 * max_spacing
     longest_way = PASSING_SPEED_FACTOR * max_speed * duration

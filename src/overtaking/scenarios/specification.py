@@ -151,11 +151,11 @@ class Component(Section):
         powers: Power by name of the number, one of `PROPOSAL_UNIFORMS`.
         parts: Lower and upper limit by name of the number, one of `PROPOSAL_UNIFORMS`.
         shifts: Shift by name of the number, one of `PROPOSAL_NORMALS` [standard deviations].
-        tempers: Degrees t to which the component is applied, above 0 and up to 1. Each t makes a
-            copy of the component with powers^t, t * shifts and the same parts, so that a copy with
-            a small t changes little. The copies divide the share equally. Strong changes of many
-            numbers draw mostly simulations of nearly no weight; copies with a small t draw
-            simulations between these and the profile's, which have larger weights.
+        tempers: Degrees t of the powers and shifts, above 0 and up to 1. Each t makes a copy of the
+            component with powers^t and t * shifts; the copies divide the share equally. All copies
+            have the same parts, a choice. If a component changes many numbers strongly, most of
+            its simulations have nearly no weight; copies with a small t draw simulations of larger
+            weights.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=40)]

@@ -183,7 +183,7 @@ def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
     passing speed cover towards each other before the horizon, plus the sight distance. It is at
     most the distance over which all oncoming vehicles are spread at the longest headways.
 
-    A known gap: with no or one oncoming vehicle, the stretch is so short that a fast ego may leave
+    Known fault: with no or one oncoming vehicle, the stretch is so short that a fast ego may leave
     the road. With one, profile `rural` has 2.5 km of road beyond the farthest start, and the
     fastest driver wants to drive 3.0 km before the horizon.
 
@@ -195,8 +195,8 @@ def road_length(specification: Specification, traffic: TwoWayTraffic) -> float:
     max_speed = PASSING_SPEED_FACTOR * max_desired_speed(specification, traffic)
     max_oncoming_length = traffic.oncoming * MAX_HEADWAY * float(_typical_speed(traffic))
     length_within_reach = traffic.sight_m + 2.0 * max_speed * horizon
-    # A choice: only the first vehicle ahead of a held-up ego has a headway of at most 4 s. Others
-    # may stand farther ahead; `sample_two_way_traffic` leaves out those beyond the end of the road.
+    # As if all vehicles ahead had headways of at most 4 s, a choice: only the first one ahead of a
+    # held-up ego has. `sample_two_way_traffic` leaves out vehicles beyond the end of the road.
     platoon_length = traffic.ahead * MAX_PLATOON_HEADWAY * max_speed
     oncoming_stretch = min(max_oncoming_length, length_within_reach)
     return traffic.start_s_m[1] + platoon_length + oncoming_stretch + END_MARGIN

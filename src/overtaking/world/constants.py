@@ -125,7 +125,8 @@ class ModelConstants:
             factor falls from 1 while the driver waits behind a slower leader [1].
         close_time_gap: A leader within this many desired time gaps is close enough to overtake [1].
         waiting_time_gap: A driver behind a slower leader waits if its time gap is shorter [s].
-        accelerate_gain: Factor on the acceleration while passing [1].
+        accelerate_gain: Factor on the acceleration while passing, when drivers use more of the
+            engine than while following [1].
         abort_until: Share of the duration of a lane change up to which it can be cancelled [1].
         abort_factor: Factor on the comfortable deceleration; a driver that must brake harder
             cancels the lane change [1].

@@ -79,9 +79,8 @@ class VehicleParameters(NamedTuple):
         understeer: Additional wheel angle per lateral acceleration [rad s^2/m].
         moment_angle: Wheel angle that keeps a straight course against a yaw moment, for example of
             side wind, per moment [rad/(N m)].
-        side_lag: Delay of the body's side slip behind the wheels, a time constant per speed: mass
-            over the sum of both axles' cornering stiffnesses, here not per load but in N/rad
-            [s^2/m].
+        side_lag: Time constant with which the side slip of the body follows the wheels, divided by
+            the speed: mass over the sum of both axles' cornering stiffnesses in N/rad [s^2/m].
         two_wheeler: Flag of a vehicle that leans instead of steering.
         side_wind: Largest side force of the wind per squared air speed [N s^2/m^2].
         wind_centre: Distance of the centre of wind pressure ahead of the middle between the axles,
@@ -413,8 +412,9 @@ def with_forced_decision(params: StepParameters, decision: int) -> StepParameter
 def _clock(scenario: Scenario) -> dict[str, F32]:
     """Fields of `SimulationParameters` for the end of a simulation, and 0 for optional fields.
 
-    0 means that no decision is forced and that the road has ends. `with_forced_decision` and
-    `with_ring` change these fields.
+    From `attempt_deadline` on, a simulation also ends as soon as the ego neither overtakes nor is
+    about to overtake. For the other fields, 0 means that no decision is forced and that the road
+    has ends; `with_forced_decision` and `with_ring` change them.
     """
     zero = np.zeros_like(scenario.horizon)
     return {

@@ -140,7 +140,7 @@ def moment_angle(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
 
 
 def side_lag(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
-    """Time in which the tyres build up a side force, per speed: m / (C_f + C_r) with the mass m.
+    """Time constant of the tyres' side force over the speed: m / (C_f + C_r) with the mass m.
 
     Args:
         vehicles: Bodies, shape (simulation, vehicle).
@@ -243,8 +243,9 @@ def _lamps(context: StepContext) -> FieldArrays:
 
     A scenario may replace the physical effects of its weather by random lateral pushes
     (`Scenario.pushes`). Then the effective weather, also of `context.conditions`, is a dry, clear
-    day, and only the lamps follow the recorded night. Otherwise recorded and effective weather are
-    the same.
+    day. Lamps are on in the recorded night all the same, as in the study with such pushes (Pinto,
+    Dutra and Fonseca 2023), but have no effect. Otherwise recorded and effective weather are the
+    same.
     """
     vehicles, conditions = context.scenario.vehicles, context.conditions
     has_lamps = vehicles.kind != VehicleKind.BICYCLE
@@ -273,11 +274,11 @@ def _lamps(context: StepContext) -> FieldArrays:
 def _start(scenario: Scenario) -> FieldArrays:
     """States at the start, each vehicle in the frame of its own direction.
 
-    A two-way road has one lane in each direction, both equally wide. In `Scenario.start_lane` the
-    index 1, the number of the road's own lanes, stands for the opposing lane. Oncoming vehicles
-    have a frame (coordinate system) of their own, turned by half a circle about the middle of the
-    road: s becomes length - s, and each lane takes the place of the other. So an oncoming vehicle
-    starts in lane 0 of its frame, between the same borders as a vehicle along the road.
+    A two-way road has two equally wide lanes: `Scenario.start_lane` is 0 along the road and 1 for
+    oncoming vehicles. These have a frame (coordinate system) of their own, turned by half a circle
+    about the middle of the road: s becomes length - s, and each lane takes the place of the other.
+    So an oncoming vehicle starts in lane 0 of its frame, between the same borders as a vehicle
+    along the road.
     """
     road = road_parameters(scenario.road)
     borders = road.boundaries
