@@ -387,7 +387,8 @@ def _rain_slowing(conditions: SceneConditions) -> F32:
 def _stoppable_speed(is_night: Mask, conditions: SceneConditions) -> F32:
     """Speed from which a driver stops before a lit vehicle that comes in sight [m/s].
 
-    By day the driver sees its body or its rear lamps, at night only the lamps.
+    At night the driver sees only its rear lamps. By day they are visible farther than its body only
+    in thick or rainy fog.
 
     Args:
         is_night: Whether it is night, shape (simulation,).

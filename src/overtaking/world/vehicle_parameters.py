@@ -219,9 +219,9 @@ def _tyres(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
 def _wind_surface(vehicles: VehicleSpecs, constants: ModelConstants) -> FieldArrays:
     """Side force of the wind per squared air speed, and its levers.
 
-    The yaw moment about the centre of gravity is the side force times `wind_centre` cos(a) +
-    `wind_arm`, with the angle a between air speed and vehicle. So the centre of wind pressure moves
-    to the middle between the axles as the wind turns to the side.
+    The yaw moment about the centre of gravity is the side force times the lever
+    `wind_centre` cos(a) + `wind_arm`, with the angle a between air speed and vehicle. So the centre
+    of wind pressure moves to the middle between the axles as the wind turns to the side.
     """
     return {
         "side_wind": constants.half_air_density
