@@ -280,8 +280,7 @@ def _check_ends_out_of_sight(block: SampleBlock, flow: FlowTraffic, end_in_sight
     """InfeasibleError if the ego may see an end of the traffic at the start of a simulation.
 
     Such traffic is so dense that the largest number of vehicles does not fill the distance that the
-    ego sees. `two_way_traffic` allows attempts for at least 1 s even then (`MIN_DEADLINE`). Here
-    this would be wrong, because every attempt would meet less traffic than stated.
+    ego sees: every attempt would meet less traffic than stated.
 
     Args:
         block: The simulations that are drawn together.
