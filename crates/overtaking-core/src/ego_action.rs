@@ -17,7 +17,7 @@
 use fearless_simd::Simd;
 use fearless_simd::prelude::*;
 
-use crate::gap_acceptance::{Intent, update_wanted_side};
+use crate::gap_acceptance::{Intent, store_wanted_side};
 use crate::math::vectors::{F32, Mask, SIMD_LANES, select, splat};
 use crate::names::ego_move;
 use crate::params::Params;
@@ -235,7 +235,7 @@ pub fn intent_from_action<S: Simd, const N: usize>(
     let ego = state.vehicle(params, EGO_SLOT);
     let wants_to_pull_out = ego.can_pull_out() & side.simd_gt(0.0);
     let wants_to_return = ego.can_return() & side.simd_lt(0.0);
-    update_wanted_side(state, params, EGO_SLOT, wants_to_pull_out, wants_to_return);
+    store_wanted_side(state, params, EGO_SLOT, wants_to_pull_out, wants_to_return);
     let ego = state.vehicle(params, EGO_SLOT);
     let starts_now = ego.moves_over_now(action);
     let cancels = action.requested_cancels();
@@ -302,7 +302,7 @@ fn intent_from_position<S: Simd, const N: usize>(
     let has_crossed_left_line = present_lane.simd_gt(state.lane_choice.lane[EGO_SLOT]);
     let has_crossed_right_line = present_lane.simd_lt(state.lane_choice.lane[EGO_SLOT]);
     let no_wish = present_lane.simd_ne(present_lane); // False in each simulation.
-    update_wanted_side(state, params, EGO_SLOT, no_wish, no_wish);
+    store_wanted_side(state, params, EGO_SLOT, no_wish, no_wish);
     let ego = state.vehicle(params, EGO_SLOT);
     let pulls_out = ego.is_in_stage(stage::PULL_OUT);
     let goes_back = ego.is_in_stage(stage::RETURN) | ego.is_in_stage(stage::ABORT);

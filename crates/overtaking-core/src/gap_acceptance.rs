@@ -335,7 +335,7 @@ pub fn form_intent<S: Simd, const N: usize>(
     let driver = state.vehicle(params, slot);
     let wants_to_pull_out = driver.wants_to_pull_out(context, inputs);
     let wants_to_return = driver.wants_to_return(context, inputs, continuation);
-    update_wanted_side(state, params, slot, wants_to_pull_out, wants_to_return);
+    store_wanted_side(state, params, slot, wants_to_pull_out, wants_to_return);
     let driver = state.vehicle(params, slot);
     let has_indicated =
         state.overtake.time_indicating[slot].simd_gt(inputs.vehicle.indicator_lead_time);
@@ -545,7 +545,7 @@ fn select_mask<S: Simd>(mask: Mask<S>, a: Mask<S>, b: Mask<S>) -> Mask<S> {
 
 /// Store the side that the driver in `slot` wants, 1 left, -1 right or 0, and the time for which it has wanted it.
 #[inline(always)]
-pub fn update_wanted_side<S: Simd, const N: usize>(
+pub fn store_wanted_side<S: Simd, const N: usize>(
     state: &mut State<S, N>,
     params: &Params<S, N>,
     slot: usize,

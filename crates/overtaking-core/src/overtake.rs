@@ -278,7 +278,7 @@ fn set_indicator<S: Simd, const N: usize>(
         params.vehicles[slot].uses_indicator,
     );
     let controls = &mut state.controls;
-    // `update_wanted_side` counts `time_indicating` up while the driver wants a lane change, and down to 0 when it no
+    // `store_wanted_side` counts `time_indicating` up while the driver wants a lane change, and down to 0 when it no
     // longer does. Until then the indicator stays on: a short doubt does not switch it off.
     let is_on = state.overtake.time_indicating[slot].simd_gt(0.0);
     let indicator = select(is_on, controls.indicator[slot], zero);

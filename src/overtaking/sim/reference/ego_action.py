@@ -28,7 +28,7 @@ from overtaking.sim.reference.gap_acceptance import (
     can_cancel_pull_out,
     can_cancel_return,
     has_passed_target,
-    update_wanted_side,
+    store_wanted_side,
 )
 from overtaking.sim.reference.pass_continuation import can_abort_pass
 from overtaking.sim.reference.state import NO_ACCEL_LIMIT, State
@@ -169,7 +169,7 @@ def intent_from_action(state: State, params: StepParameters, action: EgoAction) 
     )
     wants_to_pull_out = can_pull_out(state, params) & (side > 0)
     wants_to_return = can_return(state) & (side < 0)
-    update_wanted_side(state, params, EGO_SLOT, wants_to_pull_out, wants_to_return)
+    store_wanted_side(state, params, EGO_SLOT, wants_to_pull_out, wants_to_return)
     starts_now = _moves_over_now(state, params, action)
     cancels = _requested_cancels(action)
     # An aborted pass counts as a cancelled pull-out: both go back to the right.
@@ -235,7 +235,7 @@ def _intent_from_position(state: State, params: StepParameters) -> Intent:
     returns = state.is_in_stage(Stage.RETURN, EGO_SLOT)
     goes_back = returns | state.is_in_stage(Stage.ABORT, EGO_SLOT)
     no_wish = np.zeros_like(pulls_out)
-    update_wanted_side(state, params, EGO_SLOT, no_wish, no_wish)
+    store_wanted_side(state, params, EGO_SLOT, no_wish, no_wish)
     return Intent(
         wants_to_pull_out=no_wish,
         wants_to_return=no_wish,

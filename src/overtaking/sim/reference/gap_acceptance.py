@@ -354,7 +354,7 @@ def form_intent(
     inputs = gap_acceptance_inputs(state, params, context, slots)
     wants_to_pull_out = _wants_to_pull_out(state, params, context, inputs)
     wants_to_return = _wants_to_return(state, params, context, inputs, continuation)
-    update_wanted_side(state, params, slots, wants_to_pull_out, wants_to_return)
+    store_wanted_side(state, params, slots, wants_to_pull_out, wants_to_return)
     has_indicated = state.overtake.time_indicating[slots] > inputs.vehicle.indicator_lead_time
     # A driver moves over only right after a check of its mirrors. It gives way to another driver
     # that indicates into the same lane and goes first.
@@ -501,7 +501,7 @@ def can_cancel_return(state: State, params: StepParameters, slots: SlotSelection
     return goes_back & is_early & lane_change_direction(state, params).is_whole_lane[slots]
 
 
-def update_wanted_side(
+def store_wanted_side(
     state: State,
     params: StepParameters,
     slots: SlotSelection,

@@ -228,7 +228,7 @@ def _set_indicator(
     overtake, controls = state.overtake, state.controls
     uses_indicator = params.vehicles.uses_indicator[slots]
     time_indicating = overtake.time_indicating[slots]
-    # `update_wanted_side` counts `time_indicating` up while the driver wants a lane change, and
+    # `store_wanted_side` counts `time_indicating` up while the driver wants a lane change, and
     # down to 0 when it no longer does. Until then the indicator stays on: a short doubt does not
     # switch it off.
     indicator = np.where(time_indicating > 0, controls.indicator[slots], ZERO)
