@@ -49,8 +49,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         // `limit_accel` slows drivers down for a lower speed limit ahead. In this model a passing driver slows down for
         // it only after the pass.
         let accel = select(is_passing, accel, limited_accel);
-        // A passing driver uses more of the engine than in everyday driving. Only on two-way roads must a driver return
-        // urgently.
+        // A passing driver uses more of the engine than in everyday driving: factors on its usual acceleration, 1.3
+        // while it passes and 2.0 if it must return urgently, which happens only on two-way roads.
         let usual_factor = splat(params.simd, constants.accelerate_gain);
         let engine_factor = if params.road.directions.has_oncoming_traffic {
             select(
@@ -101,6 +101,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
                 desired_speed,
             );
             let is_passing = self.is_before_return();
+            // Here the passing speed also depends on the target's speed and on urgency.
             if is_passing.any_true() {
                 desired_speed = select(is_passing, self.current_passing_speed(), desired_speed);
             }
@@ -189,9 +190,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Acceleration that the driver wants, behind its leader and behind the leader in its old lane [m/s^2].
     ///
     /// `leader_accel` is the acceleration behind the leader, or the smaller one that oncoming traffic or the pass
-    /// demands [m/s^2].
+    /// demands [m/s^2]. `apply_pedals` moves the requested acceleration towards the result.
     #[inline(always)]
-    pub fn requested_accel(self, context: &DriverContext<S>, leader_accel: F32<S>) -> F32<S> {
+    pub fn target_accel(self, context: &DriverContext<S>, leader_accel: F32<S>) -> F32<S> {
         min(leader_accel, self.accel_behind_old_leader(context))
     }
 }
@@ -220,8 +221,8 @@ fn braking_until_clear<S: Simd, const N: usize>(
 /// Move the requested acceleration of the vehicle in `slot` towards `target_accel` [m/s^2], faster if the target is
 /// hard braking.
 ///
-/// The brakes alone limit the request. In an emergency a driver requests more braking than it believes the road allows;
-/// tyres and anti-lock brakes then limit the actual braking.
+/// The target is limited by the force of the brakes but not by friction. In an emergency a driver requests more braking
+/// than it believes the road allows; tyres and anti-lock brakes then limit the actual braking.
 #[inline(always)]
 pub fn apply_pedals<S: Simd, const N: usize>(
     state: &mut State<S, N>,

@@ -46,7 +46,7 @@ macro_rules! declare_action_kinds {
                 }
             }
 
-            /// Steps of a part's resolution in one SI unit, for each part of the action.
+            /// Number by which the recorded integer is divided to get SI units, for each part of the action.
             fn scales(self) -> [f32; MAX_ACTION_PARTS] {
                 match self {
                     $(Self::$kind => $scales,)*
@@ -69,7 +69,7 @@ impl ActionKind {
 pub struct ActionLog<'a> {
     /// Meaning of the numbers.
     pub kind: ActionKind,
-    /// Each part as a number of steps of its resolution, (simulation, decision, part).
+    /// Each part in SI units times its scale (`ActionKind::scales`), (simulation, decision, part).
     pub values: &'a [i32],
     /// Number of decisions of each simulation, at least one. After them the last action holds.
     pub decisions: usize,
@@ -285,8 +285,8 @@ pub fn set_requested_indicator<S: Simd, const N: usize>(
 
 /// Intent of an ego that is steered by a wheel angle, from the lane that its centre is in.
 ///
-/// The model knows of its lane change only once the centre has crossed a line. So the ego never wants a lane change in
-/// advance: at that decision it starts it.
+/// The model knows of a lane change only once the centre has crossed a line. So the ego wants no lane change in
+/// advance; the change starts at the first decision after the crossing.
 #[inline(always)]
 fn intent_from_position<S: Simd, const N: usize>(
     state: &mut State<S, N>,

@@ -308,8 +308,8 @@ fn accepts_urgent_return_gaps<S: Simd, const N: usize>(
     let leader = beliefs.steady_leader(RIGHT_LEADER);
     let closing_speed = beliefs.closing_speed[RIGHT_FOLLOWER];
     let time_to_line = 0.5 * params.simulations.urgent_change_duration;
-    // The gap ahead may also grow until then, so a driver slower than the leader need not wait for it. Growth of the
-    // gap behind does not count (a choice of this model).
+    // The gap ahead may also grow until then, so a driver slower than the leader need not wait for it. Of the gap
+    // behind, which no imposed braking covers here, only shrinking counts (a choice of this model).
     let leader_gap = leader.gap - time_to_line * leader.closing_speed;
     let follower_gap = beliefs.gap[RIGHT_FOLLOWER] - time_to_line * at_least(closing_speed, 0.0);
     let has_space = min(follower_gap, leader_gap).simd_gt(constants.min_return_gap);
@@ -489,7 +489,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         self.can_cancel_return() & is_dangerous & !is_forced
     }
 
-    /// Whether the pause after the last lane change is over, completed or cancelled.
+    /// Whether the pause after the last lane change, completed or cancelled, is over.
     #[inline(always)]
     fn has_paused(self) -> Mask<S> {
         self.state.lane_choice.time_since_lane_change[self.slot]

@@ -254,7 +254,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
         update_slip_reach(&mut self.state, &self.params);
     }
 
-    /// Let the ego decide at step `first_step`, and move all vehicles until the next decision.
+    /// Let the ego decide at step `first_step`, after all other drivers, and move all vehicles until the next decision.
     ///
     /// `action_log` has the action of an external driver at this decision, `None` if the model drives the ego. `ego` is
     /// the context of the ego's driver, and `step_start` memory for the positions before an integration step.

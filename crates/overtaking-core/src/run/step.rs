@@ -186,7 +186,9 @@ fn update_gaze<S: Simd, const N: usize>(
     }
 }
 
-/// Decide for all drivers but the ego: acceleration first, then lane changes or overtakes.
+/// Decide for all drivers but the ego: accelerations, then lane changes or overtakes.
+///
+/// Accelerations come first, because `context` has the neighbours in the lanes before any lane change.
 ///
 /// On a road with oncoming traffic, other drivers overtake through the stages of the ego's model. On a road of one
 /// direction they change lanes by MOBIL, a lane-change model that compares accelerations.
@@ -227,10 +229,10 @@ pub fn drive_others<S: Simd, const N: usize>(
     }
     for slot in 1..params.num_slots_in_use {
         with_cpu_features!(params.simd, {
-            let requested = state
+            let target_accel = state
                 .vehicle(params, slot)
-                .requested_accel(&drivers[slot], accel_limit[slot]);
-            acceleration::apply_pedals(state, params, slot, requested);
+                .target_accel(&drivers[slot], accel_limit[slot]);
+            acceleration::apply_pedals(state, params, slot, target_accel);
         });
     }
     if params.road.directions.has_oncoming_traffic {
@@ -276,7 +278,8 @@ pub fn drive_ego<S: Simd, const N: usize>(
             None
         };
         // No closure here: the compiler may compile it as a separate function without the features of the CPU.
-        let requested = if let Some(accel) = decision.action.and_then(EgoAction::requested_accel) {
+        let target_accel = if let Some(accel) = decision.action.and_then(EgoAction::requested_accel)
+        {
             accel
         } else {
             let mut accel_limit = state.vehicle(params, EGO_SLOT).accel_behind_leader(ego);
@@ -290,9 +293,9 @@ pub fn drive_ego<S: Simd, const N: usize>(
             }
             state
                 .vehicle(params, EGO_SLOT)
-                .requested_accel(ego, accel_limit)
+                .target_accel(ego, accel_limit)
         };
-        acceleration::apply_pedals(state, params, EGO_SLOT, requested);
+        acceleration::apply_pedals(state, params, EGO_SLOT, target_accel);
     });
     with_cpu_features!(
         params.simd,

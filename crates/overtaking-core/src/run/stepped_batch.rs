@@ -413,7 +413,8 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
 
     /// Update the perception of all drivers, write the observations of the egos, and decide for all other drivers.
     ///
-    /// `call_start` is the step at which the present call began.
+    /// The other drivers decide here, because the next block overwrites their perception in `context`. `call_start` is
+    /// the step at which the present call began.
     fn observe(
         &mut self,
         context: &mut DecisionContext<S, N>,

@@ -58,7 +58,8 @@ def accel_behind_leader(state: State, params: StepParameters, context: DecisionC
     # `accel_limit` slows drivers down for a lower speed limit ahead. In this model a passing driver
     # slows down for it only after the pass.
     accel = np.where(is_passing, accel, minimum(accel, state.road.accel_limit))
-    # A passing driver uses more of the engine than in everyday driving.
+    # A passing driver uses more of the engine than in everyday driving: factors on its usual
+    # acceleration, 1.3 while it passes and 2.0 if it must return urgently.
     engine_factor = np.where(
         state.overtake.must_return_urgently > 0,
         constants.urgent_accel_factor,
@@ -90,6 +91,7 @@ def _current_desired_speed(
     vehicles = params.vehicles
     desired_speed, passing_speed = vehicles.desired_speed, vehicles.passing_speed
     if oncoming is not None:
+        # On two-way roads the passing speed also depends on the target's speed and on urgency.
         passing_speed = current_passing_speed(state, params)
         desired_speed = np.where(
             oncoming.is_being_passed,
@@ -175,9 +177,9 @@ def apply_pedals(
 ) -> None:
     """Move the requested acceleration towards its target, faster if the target is hard braking.
 
-    The target is the smaller one of the two accelerations in the arguments. The brakes alone limit
-    the request. In an emergency a driver requests more braking than it believes the road allows;
-    tyres and anti-lock brakes then limit the actual braking.
+    The target is the smaller one of the two accelerations in the arguments, limited by the force of
+    the brakes but not by friction. In an emergency a driver requests more braking than it believes
+    the road allows; tyres and anti-lock brakes then limit the actual braking.
 
     Args:
         state: Its `controls` change.

@@ -80,7 +80,7 @@ def action_from_integers(kind: str, integers: NDArray[np.int32]) -> EgoAction:
 
     Args:
         kind: A name in `ACTION_KINDS`.
-        integers: Each part as a number of steps of its resolution, shape (simulation, part).
+        integers: Each part divided by its `ActionPart.resolution`, shape (simulation, part).
     """
     # A division by 1000 instead of a product with 0.001, because float32 holds only 1000 exactly.
     steps_per_unit = [np.float32(round(1.0 / part.resolution)) for part in ACTION_KINDS[kind]]
@@ -220,8 +220,8 @@ def _requested_cancels(action: EgoAction) -> RequestedCancels:
 def _intent_from_position(state: State, params: StepParameters) -> Intent:
     """Intent of an ego that is steered by a wheel angle, from the lane that its centre is in.
 
-    The model knows of its lane change only once the centre has crossed a line. So the ego never
-    wants a lane change in advance: at that decision it starts it.
+    The model knows of a lane change only once the centre has crossed a line. So the ego wants no
+    lane change in advance; the change starts at the first decision after the crossing.
     """
     road, d = params.road, state.motion.d[EGO_SLOT]
     present_lane = np.zeros_like(state.overtake.stage[EGO_SLOT])

@@ -60,7 +60,7 @@ class ReferenceStepper:
     Args:
         params: Parameters of the batch.
         action_kind: A name in `model.driver_interface.ACTION_KINDS`; None if the model's own driver
-            decides.
+            decides, and `step` ignores its actions.
         observes_truth: Whether to observe the true state instead of the ego's beliefs.
     """
 
@@ -84,8 +84,8 @@ class ReferenceStepper:
         """Carry out the same action for some decisions, and observe the egos after the last.
 
         Args:
-            actions: Numbers of each action in steps of their resolution, shape (simulation,
-                `MAX_ACTION_PARTS`).
+            actions: Parts of each action, such as an acceleration, as integers: the values divided
+                by `ActionPart.resolution`, shape (simulation, `MAX_ACTION_PARTS`).
             num_decisions: Number of decisions, at least 1.
         """
         kind = self._action_kind
@@ -304,6 +304,7 @@ def act(
     Returns:
         The pairs of vehicles that may touch before the next decision.
     """
+    # Accelerations come first: `context` has the neighbours in the lanes before any lane change.
     accel_limit = acceleration.accel_behind_leader(state, params, context)
     if context.oncoming is not None:
         accel_limit = minimum(accel_limit, accel_for_oncoming(state, params, context.oncoming))
@@ -312,6 +313,7 @@ def act(
     old_leader_accel = acceleration.accel_behind_old_leader(state, params, context)
     requested_accels = with_requested_accel(action, accel_limit, old_leader_accel)
     acceleration.apply_pedals(state, params, *requested_accels)
+    # The others change lanes by MOBIL on one-way roads, and by gap acceptance on two-way roads.
     if context.oncoming is None:
         lane_change.change_lanes_by_mobil(state, params, context, accel_limit)
     else:
