@@ -321,8 +321,7 @@ def accepts_urgent_return_gaps(params: StepParameters, inputs: GapAcceptanceInpu
     leader, closing_speed = inputs.leader(RIGHT_LEADER), inputs.closing_speed[RIGHT_FOLLOWER]
     time_to_line = HALF * params.simulations.urgent_change_duration
     # The gap ahead may also grow until then, so a driver slower than the leader need not wait for
-    # it. Of the gap behind, which no imposed braking covers here, only shrinking counts (a choice of
-    # this model).
+    # it. Of the gap behind, which no imposed braking covers here, only shrinking counts (a choice).
     leader_gap = leader.gap - time_to_line * leader.closing_speed
     follower_gap = inputs.gap[RIGHT_FOLLOWER] - time_to_line * maximum(closing_speed, ZERO)
     has_space = minimum(follower_gap, leader_gap) > constants.min_return_gap
