@@ -132,8 +132,7 @@ state_group! {
         indicator = 0.0,
         /// 1 while the driver flashes at a vehicle in its lane, else 0.
         flashes_high_beam = 0.0,
-        /// Largest difference of the wheel angle from the slip angle of the front axle that the driver chooses on this
-        /// friction [rad].
+        /// Largest slip angle of the front wheels that the driver requests on this friction [rad].
         slip_reach = 0.0,
     }
 }

@@ -377,9 +377,8 @@ fn update_surroundings<S: Simd, const N: usize>(
     update_slip_reach(state, params);
 }
 
-/// Update `slip_reach`, the largest difference of the wheel angle from the slip angle of the front axle.
-///
-/// It depends on friction and on parameters of the vehicle.
+/// Update `slip_reach`, the largest slip angle of the front wheels that drivers request: a larger one gives hardly more
+/// side force. It depends on friction and on parameters of the vehicle.
 pub fn update_slip_reach<S: Simd, const N: usize>(state: &mut State<S, N>, params: &Params<S, N>) {
     with_cpu_features!(params.simd, {
         for slot in 0..params.num_slots_in_use {
