@@ -47,8 +47,9 @@ class Fact(Predicate):
 
     Attributes:
         measure: Returns the columns of its arguments.
-        required_input: Name in `UNKNOWNS` (`model.trajectories`): recordings that do not state this
-            property have no facts of the predicate. None if all recordings have them.
+        required_input: Property without which a recording has no facts of the predicate, such as
+            `weather`: one of `UNKNOWNS` (`model.trajectories`), the properties that a recording may
+            lack. None if every recording has what the predicate needs.
     """
 
     measure: FactMeasurement

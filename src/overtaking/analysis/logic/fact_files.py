@@ -63,6 +63,7 @@ PROGRAM_FOLDER = Path(__file__).with_name("programs")
 SIMULATIONS_PER_FILE = 1000
 """Range of simulation numbers in one file, a choice; a reasoner loads a file at a time."""
 
+# The law is written for clingo only: for Prolog, `with_law` adds the facts that it reads.
 _PROGRAMS_OF_LANGUAGE = {"asp": ("theory.lp", "law.lp"), "prolog": ("theory.pl",)}
 
 _FACTS_PER_STATEMENT = 100
@@ -86,10 +87,13 @@ class RequestedFacts:
 
     @property
     def roles(self) -> frozenset[str]:
-        """The constants of `ROLE` whose facts of every frame are requested."""
-        # These two predicates have a role and facts for every frame.
+        """The roles, such as `leader`, of which `spacing` or `forced_braking` is requested.
+
+        These facts exist for every frame, so they are measured for the requested roles only.
+        """
         patterns = [*self.patterns.get("spacing", ()), *self.patterns.get("forced_braking", ())]
-        roles = {pattern[1] for pattern in patterns}  # After the number of the simulation.
+        # The role is the second argument, after the number of the simulation.
+        roles = {pattern[1] for pattern in patterns}
         # None, any value, requests all roles.
         return frozenset(ROLE.constants) if None in roles else frozenset(ROLE.constants) & roles
 
@@ -170,7 +174,7 @@ def _measure_requested(
 def check_frame_step(frame_step: int) -> None:
     """Refuse a step below one frame.
 
-    Queries and exports both have this option, so the error names the logic, not a command.
+    The commands `ask` and `export` share the option, so the error names `logic` as its place.
 
     Raises:
         ConfigError: The step is not positive.

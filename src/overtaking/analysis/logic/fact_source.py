@@ -140,8 +140,9 @@ class FactSource:
         One frame in `frame_step`, the last frame, and all frames in which lanes, order or events
         change. Conclusions about these changes then have the same frame for every frame step.
         """
-        events, valid = self.case.events, self.signals.valid  # Recorded frames.
-        frame = np.arange(valid.shape[1])
+        events = self.case.events
+        is_recorded = self.signals.valid
+        frame = np.arange(is_recorded.shape[1])
         is_written = (frame % self.frame_step == 0) | (frame == events.last[:, None])
         # With a frame step of 1 every frame is written already.
         if self.frame_step > 1:
@@ -151,7 +152,7 @@ class FactSource:
                 event_frame = getattr(events, name)[:, None]
                 is_written |= (frame == event_frame) & (event_frame != NEVER)
             is_written[self.contacts.simulation, self.contacts.frame] = True
-        return is_written & valid
+        return is_written & is_recorded
 
     @cached_property
     def contacts(self) -> FirstContacts:

@@ -46,9 +46,8 @@ PROGRAM_FILES = ("theory.lp", "law.lp")
 # labels and meaning. The groups are name, arguments and meaning.
 _DECLARATION = re.compile(r"^%: (\w+)\(([^)]*)\)(?:  (.+))?$", re.MULTILINE)
 _GLOSS_PREFIX = "%~ "
-# In the rules of the theory and the law, values replace the names of constants (`parse_rules`). The
-# rule of a query keeps the name `ego`: it is parsed alone, without the `#const` of the theory. So
-# this line comes before the rules in each program for clingo.
+# The first line of each program for clingo: a query may contain the name `ego`. In the theory and
+# the law, `parse_rules` replaces the names of constants by values.
 _PREAMBLE = "#const ego = 0.\n"
 
 
@@ -615,7 +614,7 @@ def _binary_range(operator: int, left: ValueRange, right: ValueRange) -> ValueRa
         ends = [_MONOTONE_OPERATORS[operator](a, b) for a in left for b in right]
         return ValueRange(min(ends), max(ends))
     if operator == _DIVISION:
-        size = max(abs(left.low), abs(left.high))  # For the divisor 1 or -1.
+        size = max(abs(left.low), abs(left.high))  # The divisor 1 or -1 gives the largest size.
         return ValueRange(-size, size)
     if operator == _MODULO:
         size = max(abs(right.low), abs(right.high))

@@ -140,8 +140,8 @@ def _lane_widths(source: FactSource) -> FactColumns:
     lanes, neighbour = list(source.road.lanes), source.road.overtaking_side_neighbour
     if neighbour is not None and neighbour.kind == "driving":
         lanes.append(neighbour)
-    # As float32, in which the criterion compares them. The law has a lower limit, so a width is
-    # rounded down.
+    # As float32, in which `WidthForOvertaking`, the rule in Python, compares them. The limit of the
+    # law is a smallest width, so a width is rounded down.
     widths = np.array([lane.width for lane in lanes], np.float32)
     return np.arange(len(lanes)), rounded_down_thousandths(widths)
 
@@ -204,7 +204,8 @@ def _edge_marks_along(source: FactSource) -> FactColumns:
     # holds. A road lies between 0 and `MAX_LENGTH`, so cutting both beyond the road loses nothing.
     ends = np.clip([*begins, np.inf], -MAX_LENGTH, 2.0 * MAX_LENGTH)
     codes = np.array([_mark_code(mark) for mark in marks])
-    # Not rounded up as the ends of limits: an end moves by at most half a millimetre.
+    # A choice: to the nearest, while the ends of `lower_limit` are rounded up. A position less than
+    # half a millimetre from an end may get the mark of the stretch beyond it.
     return nearest_thousandths(ends[:-1]), nearest_thousandths(ends[1:]), codes
 
 
@@ -220,8 +221,8 @@ def _zones(source: FactSource) -> FactColumns:
     zones = all_zones_for(source.road, direction=1)
     codes = [ZONE_KIND.constants.index(zone.kind.name.lower()) for zone in zones]
     ends = np.array([(zone.start, zone.stop) for zone in zones]).reshape(-1, 2)
-    # Not rounded up as the ends of limits: the rules compare zones with the ego's front, `X + L/2`,
-    # which may end in half a millimetre, so no whole end gives the same result in every case.
+    # Rounding up, as for the ends of limits, would not be exact here: the rules compare zones with
+    # the ego's front, `X + L/2`, which may end in half a millimetre.
     return (
         np.array(codes, np.int64),
         nearest_thousandths(ends[:, 0]),

@@ -103,8 +103,8 @@ class PassingSide(Criterion):
             reference_lane = np.maximum(target_lane, original_lane)
             lanes_to_spare = reference_lane + (np.float32(self.max_lanes_left) + HALF) - ego_lane
             margin = np.minimum(margin, lanes_to_spare)
-        # Only breaches are looked up: the search for queues is slow. `UNCONSTRAINED` is larger than
-        # any margin, so the frames in queues never decide.
+        # The search for queues is slow, so it is made only where the margin is negative.
+        # `UNCONSTRAINED` is larger than any margin, so the frames in queues never decide.
         breaches = np.flatnonzero(margin < 0)
         is_exempt = self._is_in_queue(case, simulation[breaches], frame[breaches])
         margin[breaches[is_exempt]] = UNCONSTRAINED
@@ -188,7 +188,7 @@ def _distance_to_border(case: Case, frames_alongside: Alongside) -> F32:
     # Lateral positions of signals grow to the left; the sign, -1 in left-hand traffic, mirrors the
     # road likewise.
     borders = (road.overtaking_sign * road.lane_boundaries).astype(np.float32)
-    # Simulations without a target, where the ego stands for it, have no frames alongside.
+    # `slot_or_ego` gives the ego without a target; such simulations have no frames alongside.
     target_slot = slot_or_ego(case.target.slot)[simulation]
     ego_position = case.signals.lateral_position[simulation, frame]
     target = VehicleInstants(simulation, target_slot, frame)
@@ -317,8 +317,8 @@ class BicycleDistance(Criterion):
         frames_alongside = alongside(case)
         gap_share = np.full(len(finding.margin), UNCONSTRAINED)
         np.minimum.at(gap_share, frames_alongside.simulation, self._gap_share(frames_alongside))
-        # Both speeds of the ego have the same error. It changes only the divisor, the speed at the
-        # attempt, as it cancels in the difference.
+        # Both speeds of the ego have the same error, which cancels in their difference: it changes
+        # only the divisor, the speed at the attempt.
         speed_error = np.abs(finding.margin) / _speed_at_attempt(case)
         speed_error = speed_error * np.float32(errors.speed_std)
         gap_error = np.float32(np.sqrt(2.0) * errors.position_std) / self.min_gap.f32

@@ -296,7 +296,7 @@ class FinedTimeDistance(Criterion):
             ego_position_error: F32, leader_position_error: F32, speed_error: F32
         ) -> F32:
             margin = self._margins(case, leader_position_error - ego_position_error, speed_error)
-            # An error of the speed can end the duty in all frames: the margin is then
+            # With an error, the speed may be below `min_speed` in all frames: the margin is then
             # `UNCONSTRAINED`, and all of the tolerated time remains.
             return reduce_span(np.minimum, np.minimum(margin, self.max_duration.f32), span)
 
@@ -338,7 +338,8 @@ class FinedTimeDistance(Criterion):
         is_too_near = is_judged & (gap < self._min_gap(speed))
         frame_duration = np.float32(case.signals.frame_interval_ms / 1000.0)
         duration = _run_lengths(is_too_near).astype(np.float32) * frame_duration
-        # The bound of 1 m/s keeps the time finite; frames below `min_speed` are not judged.
+        # The bound of 1 m/s only avoids a division by 0 in frames below `min_speed`, which are not
+        # judged.
         time_for_distance = self.max_distance.f32 / np.maximum(speed, np.float32(1.0))
         margin = np.minimum(self.max_duration.f32, time_for_distance) - duration
         return np.where(is_judged, margin, UNCONSTRAINED)
@@ -506,8 +507,8 @@ class SlowVehicleDistance(Criterion):
             return finding_not_applicable(signals.num_simulations)
         # A driver who is about to overtake may close up.
         has_duty = ego_may_be(case, VehicleKind.TRUCK) & ~case.events.has_attempt
-        # This duty has no exception after a cut-in, unlike the other distances: all frames in which
-        # the ego is driven are judged.
+        # This duty has no exception after a cut-in. Without an attempt, the span has all driven
+        # frames.
         span = judged_span(case)
         # Without a duty the last frame is before the first: the span is empty.
         span = FrameSpan(first=span.first, last=np.where(has_duty, span.last, span.first - 1))

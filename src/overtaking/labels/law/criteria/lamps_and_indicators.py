@@ -153,8 +153,8 @@ def _first_frame_over_return_line(case: Case) -> I32:
     end = np.where(events.return_end != NEVER, events.return_end, events.last)
     span = FrameSpan(first=np.where(begin != NEVER, begin, end + 1), last=end)
     # Border k is on the right of lane k. A lane code of `num_lanes` or more is a place left of the
-    # driving lanes, with the last border on its right. The exception is 255, beyond the slow edge:
-    # it only needs an index that exists, because the ego is farthest left as a return begins.
+    # driving lanes, with the last border on its right. Only code 255 is beyond the slow edge, where
+    # no return begins: the ego is farthest left then.
     lane = np.minimum(at_frame(case.signals.lane, begin), road.num_lanes)
     border = (road.overtaking_sign * road.lane_boundaries).astype(np.float32)[lane]
     # The border is a lower limit of the right side: the first frame below it is the crossing.

@@ -495,7 +495,7 @@ def _return_gap(case: Case) -> _ReturnGap:
     is_passed = is_in_ego_lane & (others.ego_lead < 0) & is_behind_at_return
     foremost_passed = np.where(is_passed, others.ego_lead, np.inf).argmin(axis=1)
     # An ego that aborts passes no vehicle: the gap ahead of its target is judged. Without a target
-    # the ego stands for it, and the gap is not judged.
+    # `slot_or_ego` gives the ego, and no gap is judged.
     target = slot_or_ego(case.target.slot)
     follower = np.where(is_passed.any(axis=1), foremost_passed, target)
 

@@ -194,8 +194,8 @@ def _return_margin(
     signals, frame = case.signals, case.events.return_end
     speed = at_frame(signals.speed, frame) + ego_speed_error
     decel = decel_for_safe_distance(at_frame(signals.friction, frame))
-    # The gap behind must also let the follower slow down without abrupt braking, so the limit on
-    # braking is a distance, too.
+    # `entry_margin_behind` [m] also has the limit on the braking of the follower: the gap in which
+    # it can slow down without abrupt braking.
     margin_behind = entry_margin_behind(follower.gap, speed, follower.closing_speed, decel)
     margin_ahead = margin_to_leader(leader.gap, speed, leader.closing_speed, decel)
     return minimum(
@@ -361,10 +361,10 @@ class RightLaneUse(Criterion):
         # Lane 0 has no lane to its right, and beyond the last driving lane the ego is in the lane
         # of oncoming traffic or off the road.
         has_right_lane = (lane > 0) & (lane < case.trajectories.road.num_lanes)
-        # The last driven frame is before the first where the recording begins with an accident.
+        # In a recording that begins with an accident, the first frame is not driven.
         applies = has_right_lane & (last_driven_frame(case) >= frame)
-        # Where the rule does not apply, no gap is looked up.
-        # `gap_in_right_lane` is a margin: the gap beyond the distances that a return needs.
+        # `gap_in_right_lane` is the gap beyond the distances that a return needs; it is looked up
+        # only where the rule applies.
         margin = -gap_in_right_lane(case, np.where(applies, frame, NEVER))
         return finding_at_frame(frame, margin, applies)
 

@@ -251,7 +251,8 @@ class MinimumSpeed(Criterion):
         signals, is_road_known = case.signals, "road_kind" not in case.trajectories.unknown
         if is_road_known and case.trajectories.road.kind != "motorway":
             return finding_not_applicable(signals.num_simulations)
-        # No half step is needed: 50 km/h, recorded as 13.889 m/s, is not below 50 km/h.
+        # No `_HALF_SPEED_STEP` is needed: the only lowest speed of the laws here, 50 km/h, is
+        # recorded as 13.889 m/s, which is not below it.
         span, min_speed = judged_span(case), self.min_speed.f32
         minimum = minimum_to_limit(signals.speed, min_speed, span, is_most=False)
         # The search for congestion is slow, so it is made only in frames below the lowest speed.
@@ -328,8 +329,8 @@ class SpeedInFog(Criterion):
         is_weather_unknown = "weather" in case.trajectories.unknown
         has_short_range = meteorological_range(case) < self.max_range.f32
         applies = has_short_range | is_weather_unknown
-        # Unlike in `SpeedLimit`, half a step of recorded speed is not added to this limit: here
-        # 50 km/h, recorded as 13.889 m/s, is a breach of 50 km/h.
+        # A choice: without `_HALF_SPEED_STEP`, so 50 km/h, recorded as 13.889 m/s, is a breach of
+        # 50 km/h.
         margin = self.max_speed.f32 - case.signals.speed
         finding = finding_over_span(
             np.where(applies[:, None], margin, UNCONSTRAINED), judged_span(case)
