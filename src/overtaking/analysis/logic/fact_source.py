@@ -159,7 +159,7 @@ class FactSource:
         """The first contact of each vehicle that collides."""
         contacts, last_frame = self.trajectories.contacts, self.trajectories.num_frames - 1
         simulation, slot = np.nonzero(contacts.partner != NO_VEHICLE)
-        # The negated floor division rounds up.
+        # Times of contacts are in ms. The negated floor division rounds up to a whole frame.
         frame = -(-contacts.time[simulation, slot] // self.signals.frame_interval_ms)
         return FirstContacts(
             simulation=simulation,

@@ -41,7 +41,7 @@ from overtaking.labels.snapshots import (
 from overtaking.model.verdicts import Case, Finding
 
 _SPEED_RESOLUTION = np.float32(1e-3)
-"""One step of recorded speed, the smallest divisor of a share: an ego may start from rest [m/s]."""
+"""One step of recorded speed [m/s], the smallest divisor of a share: an ego at rest has speed 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,8 +185,8 @@ def _distance_to_border(case: Case, frames_alongside: Alongside) -> F32:
     """Distance from the nearer centre of ego and target to a lane border, shape (instant,) [m]."""
     simulation, frame = frames_alongside.simulation, frames_alongside.frame
     road = case.trajectories.road
-    # Lateral positions of signals grow to the left; the sign, -1 in left-hand traffic, mirrors the
-    # road likewise.
+    # Lateral positions of signals grow to the overtaking side, positions of the road to the
+    # geometric left. The sign, -1 in left-hand traffic, converts these.
     borders = (road.overtaking_sign * road.lane_boundaries).astype(np.float32)
     # `slot_or_ego` gives the ego without a target; such simulations have no frames alongside.
     target_slot = slot_or_ego(case.target.slot)[simulation]

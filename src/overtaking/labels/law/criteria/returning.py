@@ -194,8 +194,8 @@ def _return_margin(
     signals, frame = case.signals, case.events.return_end
     speed = at_frame(signals.speed, frame) + ego_speed_error
     decel = decel_for_safe_distance(at_frame(signals.friction, frame))
-    # `entry_margin_behind` [m] also has the limit on the braking of the follower: the gap in which
-    # it can slow down without abrupt braking.
+    # `entry_margin_behind` has both limits behind as gaps: the safe distance, and the gap in which
+    # the follower can slow down without abrupt braking.
     margin_behind = entry_margin_behind(follower.gap, speed, follower.closing_speed, decel)
     margin_ahead = margin_to_leader(leader.gap, speed, leader.closing_speed, decel)
     return minimum(

@@ -148,7 +148,8 @@ class SpeedLimit(Criterion):
     def limit(self, case: Case) -> F32:
         """The highest limit that may hold, in the frame in which the ego exceeds it most [m/s].
 
-        Policies that tolerate an excess by a share of the speed need it.
+        A policy may tolerate an excess up to a share of the measured speed, which is this limit
+        plus the excess.
         """
         _, highest_limit = self.bounds(case)
         margin = highest_limit - case.signals.speed

@@ -638,7 +638,7 @@ def denoised_lateral_speed_at(
     max_error = float(LATERAL_ERROR_SHARE.f32) * limit
     # A third difference takes four frames, more than the three of a half window of 1.
     noise = _lateral_noise(trajectories, vehicles, max(2, max_half_window))
-    required_duration = np.sqrt(2.0) * noise / max_error
+    required_duration = np.sqrt(2.0) * noise / max_error  # 2 h [s].
     half_window = np.ceil(required_duration / 2.0 * 1000.0 / interval)
     min_half_window = lateral_speed_half_window(interval)
     max_half_window = max(min_half_window, max_half_window)
