@@ -325,7 +325,9 @@ def _own_direction_stations(
     """
     u = block.proposal.transform("held_up", stream.uniform())
     is_held_up = u < np.float32(traffic.held_up)
-    platoon_headway = scale_to_range(stream.uniform(), traffic.min_headway_s, MAX_PLATOON_HEADWAY)
+    # `min_headway_s` may be larger than the longest headway of a platoon; it then is the headway.
+    max_headway = max(traffic.min_headway_s, MAX_PLATOON_HEADWAY)
+    platoon_headway = scale_to_range(stream.uniform(), traffic.min_headway_s, max_headway)
     stations, foremost_s, rearmost_s = [ego_s], ego_s, ego_s
     for rank in range(traffic.ahead):
         headway = arrivals.next_headway(stream)
