@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 
 import overtaking as ot
-from overtaking.core.arrays import F32
 from overtaking.model.vehicles import EGO_SLOT
+
+if TYPE_CHECKING:
+    from overtaking.core.arrays import F32
 
 
 def distances_to_leader(min_headway_s: float) -> F32:
@@ -22,4 +26,6 @@ def distances_to_leader(min_headway_s: float) -> F32:
 
 def test_a_held_up_ego_keeps_the_smallest_headway_where_it_exceeds_that_of_platoons():
     # One speed converts headways into distances. 4 s is the longest headway of platoons.
-    assert distances_to_leader(4.5) == pytest.approx(4.5 / 4.0 * distances_to_leader(4.0))
+    expected = 4.5 / 4.0 * distances_to_leader(4.0)
+    # Stations of some kilometres have steps of up to 0.5 mm in float32.
+    assert distances_to_leader(4.5) == pytest.approx(expected, abs=2e-3)
