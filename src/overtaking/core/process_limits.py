@@ -42,9 +42,9 @@ CGROUP_QUOTA_FILE = Path("/sys/fs/cgroup/cpu.max")
 together in a period, or "max", and the microseconds of the period.
 
 Linux calls the group of processes of a container a cgroup. Only cgroups of version 2 have this
-file. The limits of processors of version 1 are not read: a process that overlooks one only runs
-slower. A process that overlooks a limit of memory is killed, so `_memory_of_cgroups` reads both
-versions."""
+file. In cgroups of version 1, the limit of processor time is not read, because a process that
+ignores it only runs slower. Limits of memory are read in both versions (`_memory_of_cgroups`),
+because a process that ignores them is killed."""
 
 
 def available_processors() -> int:

@@ -333,7 +333,7 @@ class EpisodeBatch:
             self._refs[row] = ref
         params = join_parameters(sort_refs(refs))
         observed = self._stepper.restart(rows, params)
-        # In place, unlike in `_carry_out`: the reward of the last step is already computed.
+        # In place: the reward, which reads the old observations, is already computed.
         self.observation_table[rows], self.is_running[rows] = observed.table, observed.is_running
         self._vehicle[:, rows] = [values[EGO_SLOT] for values in params.vehicles]
         self.scenario_index[rows] = params.scenario_index

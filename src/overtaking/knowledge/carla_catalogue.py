@@ -82,8 +82,8 @@ _CARLA_FIELDS = {
 class WeatherPreset:
     """A named weather of CARLA; percentages are settings from 0 to 100, not physical quantities.
 
-    The package uses clouds, rain, puddles, wind, fog density and the altitude of the sun. CARLA's
-    cameras use all numbers.
+    The package uses clouds, rain, puddles, wind, fog density and the altitude of the sun; it draws
+    the direction of the sun at random. CARLA's cameras use all numbers.
 
     Attributes:
         in_pinto2023: Whether `pinto-2023`, the study that this package reproduces, used it.

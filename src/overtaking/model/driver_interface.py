@@ -299,8 +299,8 @@ class Move(IntEnum):
     """A choice of the ego's driver at a decision. A move that is impossible has no effect."""
 
     KEEP = 0
-    """Stay in the lane, or complete the lane change. An indicator stays on for as long as it was on
-    before this move, and then goes off: a driver that hesitates briefly keeps it on."""
+    """Stay in the lane, or complete the lane change. In the lane, an indicator goes off with a
+    delay, so that a brief hesitation does not switch it off: after 2 s if it was on for 2 s."""
     INDICATE_PULL_OUT = 1
     """Indicate a lane change to the overtaking side."""
     PULL_OUT = 2

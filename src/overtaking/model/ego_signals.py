@@ -8,7 +8,8 @@ read. A frame is a recorded instant, and a slot is the number of a vehicle in it
 
 Left is the overtaking side and right the kerb side, also in left-hand traffic, so a mirrored world
 has the same signals. On a two-way road the opposing lane counts as one more lane to the left.
-Oncoming vehicles do not count, neither as neighbours nor in the occupancy of that lane.
+Oncoming vehicles do not count as neighbours, and no vehicle in the opposing lane counts in
+`left_occupancy` and `left_count`.
 """
 
 from dataclasses import dataclass
@@ -52,9 +53,10 @@ class EgoSignals(Delayed):
         lateral_gap: Gap across the road between the sides of ego and neighbour, negative where they
             overlap, same shape [m].
         left_occupancy: Share of the lane to the left that vehicles cover, from 100 m behind the
-            ego's centre to 100 m ahead of it (a choice); 0 without such a lane [1].
+            ego's centre to 100 m ahead of it (a choice); 0 without such a lane, and for the
+            opposing lane [1].
         left_count: Number of vehicles in the lane to the left, at any distance as in the definition
-            of the reproduced paper (`PaperFeatures`, `pinto2023`); 0 without such a lane.
+            of the reproduced paper (`PaperFeatures`, `pinto2023`); 0 in the same cases.
         friction: Largest friction coefficient between the ego's tyres and the road, at its speed
             and the mean water film of its lane [1].
         sight_lit: Distance at which the ego's driver sees a vehicle ahead with lamps on, by

@@ -97,9 +97,10 @@ class _RoadEntry:
         lane_ids: OpenDRIVE ids of the driving lanes. They are floats with whole values, because the
             reader converts all numbers of a list to floats.
         lane_widths: Width of each driving lane [m].
-        kerb_edge_mark: Line on the kerb side of the first driving lane.
-        lane_mark: Line between every two driving lanes. It must look the same from both lanes, so
-            it cannot be `SOLID_BROKEN` or `BROKEN_SOLID`.
+        kerb_edge_mark: Line on the kerb side of the first driving lane. This line and the next two
+            must look the same from both sides, because both lanes beside a line get the same mark:
+            they cannot be `SOLID_BROKEN` or `BROKEN_SOLID`.
+        lane_mark: Line between every two driving lanes.
         overtaking_edge_mark: Line on the overtaking side of the last driving lane.
         kerb_edge_d: `d` of the edge of the first driving lane on the kerb side [m].
         length: Length [m].

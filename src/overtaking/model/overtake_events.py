@@ -99,7 +99,8 @@ class OvertakeEvents(Batch):
         abort: First frame of a movement back that ends behind the target.
         abort_end: First frame after an abort with the whole body in the original lane, behind the
             target. If no line was crossed, the first frame in which the ego is back within 0.25 m
-            of its lateral position at `attempt`; chosen: half the shift that counts as a movement.
+            of its lateral position at `attempt`; chosen: half the 0.5 m from which on a movement
+            can be a `drift`.
         collision: First frame in which the ego has touched another vehicle. The contact lies at
             this frame, or between it and the frame before.
         road_departure: First frame with the ego's centre beyond all lanes; the opposing lane of a

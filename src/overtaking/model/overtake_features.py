@@ -17,7 +17,7 @@ or 0. ".has_oncoming" is a field of the same class; a path without a leading dot
 "left.leader.valid", begins at the class of the table. `needs` names properties that a recording of
 real traffic may leave unknown, such as "bodies" (mass and engine of vehicles) and "percepts"
 (beliefs of drivers); the column is then null. `trajectories.UNKNOWNS` lists the properties. A
-margin of the law needs the weather, because the safe distance depends on the grip of the road.
+margin of the law that is a distance needs the weather, because it depends on the grip of the road.
 `ColumnName(prefix="ego_")` puts a prefix before the name of the field; a column whose name says
 enough has no prefix. Every partial function below, such as `_leader_column`, is a `FieldSpec` with
 the entries that a group of columns shares.

@@ -62,7 +62,7 @@ MAX_NEIGHBOUR_WIDTH = 100.0
 and parking strips of map files."""
 
 MAX_COORDINATE = 1.8e6
-"""Largest x0 and y0 of a road [m]. World positions are int32 millimetres, and both simulators clip
+"""Largest x0 and y0 of a road [m]. World positions are int32 millimetres, and the simulators clip
 them at 2000 km. A road of at most 100 km (`MAX_LENGTH`) that begins here ends before that."""
 
 MAX_ORIGIN = 1.0e8

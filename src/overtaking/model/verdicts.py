@@ -96,7 +96,8 @@ class Case(IdentityBatch):
     """All inputs of rules and features, for a batch of simulations.
 
     Functions cache their results per `Case` object, through weak references. So two cases are equal
-    only if they are the same object.
+    only if they are the same object: `IdentityBatch` copies such an `__eq__` into this class, and
+    the decorator `dataclass` keeps it.
 
     Attributes:
         trajectories: The recorded states, with road, weather and vehicles.
