@@ -94,7 +94,7 @@ def progress_legal(
 
     Rule L3 demands a safe gap to the leader, the vehicle ahead. While the gap is too small, each
     second costs the missing share of the gap: 0.3 s if 30 % is missing. So the agent gets feedback
-    in every step. At the end of the episode, one or more breaches of any rules cost `BREACH_COST`.
+    in every step. At the end of the episode, `BREACH_COST` is due if `is_legal` is false.
 
     Args:
         observation: Observation before the step.

@@ -299,8 +299,8 @@ class Move(IntEnum):
     """A choice of the ego's driver at a decision. A move that is impossible has no effect."""
 
     KEEP = 0
-    """Stay in the lane, or complete the lane change. In the lane, an indicator goes off with a
-    delay, so that a brief hesitation does not switch it off: after 2 s if it was on for 2 s."""
+    """Stay in the lane, or complete the lane change. In the lane, `time_indicating` counts
+    down; the indicator goes off at 0, so that a brief hesitation does not switch it off."""
     INDICATE_PULL_OUT = 1
     """Indicate a lane change to the overtaking side."""
     PULL_OUT = 2
