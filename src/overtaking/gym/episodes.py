@@ -63,7 +63,7 @@ _STAGE = EgoColumns._fields.index("stage")
 class SampledScenarios:
     """Scenarios that were drawn together, with the numbers that the engine computes from.
 
-    Not a dataclass: `sort_refs` uses batches as keys of a dictionary, and each equals only itself.
+    Not a dataclass, whose objects have no hash: `sort_refs` uses batches as keys of a dictionary.
 
     Attributes:
         scenario: The batch of scenarios.

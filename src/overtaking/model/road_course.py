@@ -216,8 +216,8 @@ class RoadCourse:
         zones: Zones, in any order; they may overlap.
         sight: Distance that a driver of direction +1 sees along the road: pairs (station [m],
             distance [m]). If only this field is empty, the road does not limit sight in this
-            direction. If `sight_against` is empty, too, `world.sight_distance` computes the sight
-            of both directions from bends and slopes.
+            direction. If this field and `sight_against` are empty, `world.sight_distance` computes
+            the sight of both directions from bends and slopes.
         sight_against: The same for a driver of direction -1.
 
     Raises:
