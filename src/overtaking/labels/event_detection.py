@@ -173,7 +173,7 @@ def outcomes(events: OvertakeEvents) -> U8:
     """`Outcome` of each simulation.
 
     A collision counts in any recorded frame. Before an attempt it prevents the overtake. After the
-    return it belongs to the overtake, because a simulation ends only 3 s later.
+    return it belongs to the overtake, because a simulation ends 3 s after the return.
     """
     outcome_of_attempt = np.where(events.is_completed, Outcome.COMPLETED, Outcome.NOT_COMPLETED)
     outcome_without_collision = np.where(events.has_attempt, outcome_of_attempt, Outcome.NO_ATTEMPT)
@@ -203,6 +203,7 @@ def outcome_details(events: OvertakeEvents, frame_interval_ms: int) -> U8:
         (has_collision & ~events.has_attempt, OutcomeDetail.COLLISION_BEFORE_ATTEMPT),
         (has_collision & events.was_struck, OutcomeDetail.STRUCK_BY_OTHER),
         (has_collision, OutcomeDetail.RAN_INTO_OTHER),
+        # Control is lost by leaving the lanes or spinning without a collision.
         (events.lost_control & spun_first, OutcomeDetail.SPUN),
         (events.lost_control, OutcomeDetail.DEPARTED),
         (outcome == Outcome.COMPLETED, OutcomeDetail.NONE),

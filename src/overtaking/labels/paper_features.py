@@ -44,9 +44,9 @@ def paper_features(case: Case) -> PaperFeatures:
 
     The waiting time counts from the first frame to the attempt; without an attempt, to a collision
     or the end of the recording. The overtaking time ends with the return, a collision or the
-    recording; without an attempt it is 0.
-    The difference of speeds has no sign, the distance is between the centres, and the occupancy is
-    the number of vehicles in the lane to the left over the number of all others.
+    recording; without an attempt it is 0. The difference of speeds has no sign, the distance is
+    between the centres, and the occupancy is the number of vehicles in the lane to the left over
+    the number of all vehicles but the ego.
     """
     events, has_attempt = case.events, case.events.has_attempt
     end_of_waiting = np.where(
@@ -156,9 +156,9 @@ def pseudo_attempt(case: Case) -> I32:
     """The frame in which a simulation without an attempt is measured; `NEVER` with an attempt.
 
     The waiting time until that frame is drawn from the distribution of the waiting times of the
-    attempts of a profile, a named kind of simulations. The distribution is truncated to
-    times below the time for which the ego followed. `following_begin` is never `NEVER`: it is frame
-    0 if the ego never follows.
+    attempts of a profile, a named kind of simulations. The distribution is truncated to times
+    below the time for which the ego followed. `following_begin` is never `NEVER`: it is frame 0 if
+    the ego never follows.
     """
     scenario, events = case.trajectories.scenario, case.events
     quantiles = _waiting_time_quantiles(scenario.profile)

@@ -2,8 +2,9 @@
 
 An event is a frame of each simulation, `NEVER` (-1) if it does not occur. An instant is one frame
 of one simulation. An `Encounter` holds gap, closing speed and times to collision of the ego and a
-neighbour; `valid` is false without the neighbour. Left is the overtaking side, also in left-hand
-traffic.
+neighbour; `valid` is false without the neighbour. `sight_lit` and `sight_unlit` are the distances
+at which the ego's driver sees a lit and an unlit vehicle. Left is the overtaking side, also in
+left-hand traffic.
 """
 
 from collections.abc import Mapping
@@ -163,7 +164,9 @@ def safety_features(case: Case) -> SafetyMeasures:
 def _worst_of_manoeuvre(case: Case, span: FrameSpan) -> dict[str, F32]:
     """The worst of each measure over `judged_span`, shape (simulation,).
 
-    `ScanResults.worst_measures` describes the names, also `num_close` and `num_critical`.
+    `num_close` and `num_critical` are numbers of frames with a gap below the lawful one and with a
+    critical time to collision. `shortfall` is the sum of critical minus actual time over the
+    latter [s].
     """
     # In an empty span no frame bounds a smallest margin: it is infinite.
     results, no_frame = scans(case), np.float32(np.inf)
@@ -319,7 +322,8 @@ def oncoming_measures(case: Case) -> PassingSafety:
     gap_abreast, time_abreast = _gap_and_time_to_meet(case, abreast_frame)
     return_frame = np.where(is_in_opposing_lane, span.last, NEVER)
     gap_at_return, time_at_return = _gap_and_time_to_meet(case, return_frame)
-    # The time available is also limited by a vehicle that may come just out of sight.
+    # A vehicle that may come just out of sight also limits the time available. `fmin` ignores the
+    # NaN of a missing oncoming vehicle.
     begin = np.maximum(crossing_frame, 0)
     sight = available_sight(case, begin)
     closing_speed = at_frame(case.signals.speed, begin) + assumed_oncoming_speed(case, begin)
@@ -344,7 +348,10 @@ def oncoming_measures(case: Case) -> PassingSafety:
 
 
 def _no_measures(num_simulations: int) -> PassingSafety:
-    """The measures on a one-way road: numbers are NaN, and flags false, even after an abort."""
+    """The measures on a one-way road: NaN, and false for flags.
+
+    Tables show all of them as null, because `was_in_opposing_lane` is false.
+    """
     columns: dict[str, Any] = {
         name: np.full(num_simulations, False if field.is_flag else _NAN)
         for name, field in batch_fields(PassingSafety).items()

@@ -82,10 +82,10 @@ def extract_signals_and_events(
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
     layouts = _array_layouts(trajectories, EgoSignals, (*SIGNALS_FOR_ENGINE, "accel"))
     zero_from = ArrayLayout("zero_from", trajectories.num_frames.shape, np.int32)
-    # Signals are 0 after the end of a simulation. A new `Buffers` object gets memory that no
-    # existing batch uses: zeros, or the arrays of a deleted batch. `zero_from` is a part of this
-    # memory, the frame from which on each row is 0 already. The engine clears only frames before
-    # it, which saves writes: most simulations end early.
+    # Signals are 0 after the end of a simulation. The memory of new `Buffers` is all zeros, or that
+    # of a deleted batch. The engine stores in `zero_from`, a part of this memory, from which frame
+    # on each row is 0. For the next batch in this memory it clears only earlier frames, which saves
+    # writes: most simulations end early.
     outputs = Buffers().arrays("signals", (*layouts, zero_from))
     zero_from_frame = outputs.pop("zero_from")
     _core.ego_signals_and_events(
@@ -264,8 +264,8 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
     """Inputs of friction and sight beside the states; flat arrays of shape (simulation,).
 
     Friction belongs to the mean film of the lane, because a driver cannot know which wheel will be
-    in which puddle. Spray is left out: it hides the road ahead of the vehicle that throws it up,
-    and the brake lamps of that vehicle announce an obstacle there.
+    in which puddle. Spray is left out: it hides only the road beyond the vehicle that throws it
+    up. What that vehicle meets there, its brake lamps announce.
 
     Returns:
         film: Mean water film of each lane, puddles included, shape (simulation, `MAX_LANES`): the

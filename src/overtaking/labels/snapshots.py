@@ -305,8 +305,8 @@ def is_in_lane(trajectories: Trajectories, lane: I32, frames: Frames) -> Mask:
 
     Args:
         trajectories: The batch.
-        lane: A lane index for each simulation, shape (simulation,). From the number of driving
-            lanes on it means the opposing lane or a place off the road; the result is then false.
+        lane: A lane index for each simulation, shape (simulation,). An index of `num_lanes` or more
+            means the opposing lane or a place off the road; the result is then false.
         frames: A frame of each simulation, same shape.
     """
     rows = np.arange(len(frames))
@@ -405,8 +405,8 @@ class OtherVehicles:
         speed: Speed in the vehicle's own direction, never negative [m/s].
         lane: Lane index.
         lights: Bits of `Lights`.
-        is_oncoming: Whether the vehicle's heading in that frame points against the road; the
-            function `is_oncoming` takes the first recorded frame.
+        is_oncoming: Whether the vehicle's heading in that frame points against the road. A choice:
+            a vehicle that has spun round is oncoming here, but not for the function `is_oncoming`.
     """
 
     valid: Mask

@@ -163,9 +163,10 @@ def is_regaining_gap(case: Case) -> Mask:
 def scans(case: Case) -> ScanResults:
     """Results of the compiled scan over the spans that rules and features read."""
     events = case.events
-    # The engine sums over the span "summed", for means: in simulations without an attempt, features
-    # of the reproduced paper (Pinto, Dutra and Fonseca, 2023) are means over all frames up to a
-    # collision. With an attempt the span is empty.
+    # The engine sums over the span "summed". The reproduced paper (Pinto, Dutra and Fonseca, 2023)
+    # describes a simulation without an attempt by means over its frames, and one with an attempt by
+    # a single frame, so the span is then empty. It ends only with a collision or the recording: the
+    # paper's classes name no departure and no spin.
     last_summed = np.where(events.collision == NEVER, events.last, events.collision)
     last_summed = np.where(events.has_attempt, NEVER, last_summed).astype(np.int32)
     # The keys are the engine's names of its input spans, `_core.FIELD_NAMES["spans"]`.

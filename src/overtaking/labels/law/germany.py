@@ -1,9 +1,9 @@
 """The German rules of overtaking (StVO): an interpretation, not legal advice.
 
 The first letter of a code is the subject: G general duty, F lanes, V speed, A distance, O
-overtaking, B lamps, S lines. An s at the end marks the strict variant of a rule. Where a criterion
-takes the code of another rule (such as `distance_rule`), it only names this rule in its sentence
-(`predicate`); without a code the sentence states the formula.
+overtaking, B lamps, S lines. An s at the end marks the strict variant of a rule. Arguments such as
+`distance_rule` change no verdict: the description of the criterion (`predicate`) refers to the rule
+with this code, instead of a formula.
 
 - `grade`: a breach is serious where the catalogue of fines (BKatV, annex) gives a point for it,
   very serious with two, else light. This version of the pack has one grade for each rule but V2. A
@@ -12,12 +12,12 @@ takes the code of another rule (such as `distance_rule`), it only names this rul
   above 100 km/h; O1 costs none in towns (16); V1 costs one only in some situations, such as bad
   weather (8.1).
 - `required_by`: which of the policies `paper`, `default`, `strict`, `serious` and `enforced`
-  require the rule, a choice. `EVERY_POLICY`: rules that count as equally important as those of the
-  reproduced study (Pinto, Dutra and Fonseca, 2023); `DEFAULT_AND_STRICTER`, all but `paper`: other
-  rules; `STRICT_ONLY`: signals, lamps, keeping right, the intentions of others, and uncertain
-  readings; `ALL_BUT_STRICT`: `strict` requires the variant with an s instead; `NO_POLICY`: the text
-  was not read, or the duty is another vehicle's. `enforced` counts breaches that are fined in
-  practice.
+  require the rule, a choice. `EVERY_POLICY`: rules that we consider as important as the Portuguese
+  rules of the reproduced study (Pinto, Dutra and Fonseca, 2023); `DEFAULT_AND_STRICTER`, all but
+  `paper`: other rules; `STRICT_ONLY`: signals, lamps, keeping right, the intentions of others, and
+  uncertain readings; `ALL_BUT_STRICT`: `strict` requires the variant with an s instead;
+  `NO_POLICY`: the text was not read, or the duty is another vehicle's. `enforced` counts breaches
+  that are fined in practice.
 - `text_source`: how the wording of the duty is known. `READ`: in a full reprint. `SECONDARY`: in
   quotations alone; such a rule (G1, F2) is always undecidable.
 - `limit_phrase`: completes the sentence "the ego missed ... by 2 m".

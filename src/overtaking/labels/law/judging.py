@@ -210,8 +210,8 @@ def judge_pack(pack: Pack, case: Case, errors: MeasurementErrors | None = None) 
     }
     version = pack.version
     if case.trajectories.road.is_two_way:
-        # The rules for two-way roads, which came later, have a version of their own: so findings on
-        # one-way roads kept theirs.
+        # The rules for two-way roads came later. With a version of their own they did not change
+        # the version of findings on one-way roads.
         version += pack.two_way_version
     if errors is not None:
         version += str(errors)  # So that findings with and without errors cannot be confused.

@@ -1,7 +1,7 @@
 """The Portuguese rules of overtaking: an interpretation, not legal advice.
 
-An s at the end of a code marks the strict variant of a rule. Where a criterion takes the code of
-another rule (such as `return_rule`), it only names this rule in its sentence (`predicate`).
+An s at the end of a code marks the strict variant of a rule. Arguments such as `return_rule` change
+no verdict: the description of the criterion (`predicate`) refers to the rule with this code.
 
 - `grade`: how severe a breach is. By Articles 145(1)(f) and 146(h) breaches of distance, overtaking
   and change of lane are very serious on a motorway and serious elsewhere (`BY_ROAD`). Breaches that
@@ -17,8 +17,8 @@ another rule (such as `return_rule`), it only names this rule in its sentence (`
 - `limit_phrase`: completes the sentence "the ego missed ... by 2 m".
 - `text_source`: how the wording of the duty is known. `READ`: in the decree or a full reprint.
   `SECONDARY`: in a quotation, a bill or an earlier edition. `RECALLED`: no text was read. A rule
-  on several provisions has the weakest of those that its criterion applies. `consulted_source`
-  says where.
+  on several provisions has the weakest of those that its criterion applies. All rules give
+  verdicts, also `RECALLED` ones. `consulted_source` says where.
 - `source`: the Highway Code, unless a rule states another one. `stl-monitor` is a published monitor
   of highway rules, from which some numbers are taken.
 """

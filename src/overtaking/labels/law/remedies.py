@@ -70,7 +70,7 @@ class RequiredChange:
         needed: The nearest lawful value.
         frame: Where it was farthest from lawful; None where no single frame has the values, as for
             a time summed over the breach.
-        slot: Slot of the other vehicle that it is about, None if it is about none.
+        slot: Slot of the other vehicle, None for a change without another vehicle.
     """
 
     quantity: RemedyQuantity

@@ -61,7 +61,8 @@ def decel_for_safe_distance(friction: F32) -> F32:
 def decel_with_all_grip(friction: F32) -> F32:
     """Deceleration with all usable friction, for rules about sight [m/s^2].
 
-    Unlike `decel_for_safe_distance` it is not limited to `MAX_DECEL`.
+    A choice: `MAX_DECEL` limits only the safe distance. As a limit here it would matter on roads
+    with a friction above 0.9.
 
     Args:
         friction: Peak friction under the ego [1].
@@ -166,9 +167,9 @@ def gap_between(speed: F32, decel: F32, ahead: Encounter, behind: Encounter) -> 
     """
     max_margin = RETURN_RANGE.f32
     gap_for_free_time = RETURN_FREE_TIME.f32 * ahead.closing_speed
-    # The compiled engine computes this margin for each frame. `maximum` and `minimum` of this
-    # package have its bits also for NaN and signed zeros; those of NumPy may differ. The engine
-    # does not compute the margins of an entry above, so they use NumPy's.
+    # The compiled engine also computes this margin, and both results must have the same bits, also
+    # for NaN and signed zeros. NumPy's `maximum` and `minimum` may treat these in another way than
+    # the engine, so this package's own functions stand here.
     min_gap_ahead = maximum(lawful_gap(speed, ahead.closing_speed, decel), gap_for_free_time)
     min_gap_behind = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
     margin = np.full(len(speed), max_margin, np.float32)
