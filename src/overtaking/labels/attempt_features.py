@@ -4,7 +4,8 @@ The features are measured in the frame of the attempt. In a simulation without a
 measured in a frame that `paper_features` draws, the pseudo attempt. Each number comes from that
 frame or from a decision before it: a model of the decision must not see its consequences.
 
-Left is the overtaking side, also in left-hand traffic. `model.overtake_features` states meaning and
+Left is the overtaking side, also in left-hand traffic. `sight_lit` and `sight_unlit` are distances
+at which the driver sees a lit and an unlit vehicle. `model.overtake_features` states meaning and
 unit of each feature. Where it declares a value undefined, such as the kind of a missing leader, the
 value is arbitrary.
 """

@@ -177,7 +177,8 @@ def _waiting_time_quantiles(profile: str) -> F32:
 
     The quantiles are fixed for each profile: with quantiles of the present data set, the features
     of a simulation would depend on the other simulations. `calibration/waiting_times.py` measures
-    them. Recordings and profiles without an entry have the quantiles of `pinto2023-physical`.
+    them. Recordings and profiles without an entry have the quantiles of `pinto2023-physical`, a
+    choice.
     """
     table, quantities = "matched.waiting_time_quantiles", all_quantities("event_detection.toml")
     quantiles = quantities.get(f"{table}.{profile}", quantities[f"{table}.pinto2023-physical"])
@@ -221,8 +222,9 @@ def _first_event_or_last_frame(case: Case, *events: I32) -> I32:
 def _target_at(case: Case, frame: I32) -> dict[str, F32]:
     """Speed, lead and gap of the target at one frame of each simulation.
 
-    They are 0 without a target, as `PaperFeatures` defines, and NaN if it is not recorded in that
-    frame. Lead and gap are also NaN if the attempt began before the recording.
+    By the definition of `PaperFeatures` they are 0 without a target, and NaN if it is not recorded
+    in that frame; lead and gap, but not the speed, are NaN if the attempt began before the
+    recording.
     """
     slot = case.events.target_slot
     target = vehicle_snapshot(case.trajectories, slot, np.arange(len(frame)), frame)

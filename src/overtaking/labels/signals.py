@@ -265,7 +265,7 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
 
     Friction belongs to the mean film of the lane, because a driver cannot know which wheel will be
     in which puddle. Spray is left out: it hides only the road beyond the vehicle that throws it
-    up. What that vehicle meets there, its brake lamps announce.
+    up, and the brake lamps of that vehicle announce what it meets there.
 
     Returns:
         film: Mean water film of each lane, puddles included, shape (simulation, `MAX_LANES`): the

@@ -343,7 +343,7 @@ def left_lane_occupancy(trajectories: Trajectories, frames: Frames) -> LeftLaneO
     limit = np.int32(2 * OCCUPANCY_REACH_MM)
     length = np.rint(trajectories.scenario.vehicles.length * np.float32(1000.0)).astype(np.int32)
     # Twice the distance of a far vehicle could overflow, so distances [mm] are limited first: to
-    # 200 m, where no vehicle reaches into the 100 m that count.
+    # `limit` millimetres, 200 m, where no vehicle reaches into the 100 m that count.
     centre = np.clip(s - s[:, [EGO_SLOT]], -limit, limit) * np.int32(2)
     front, rear = np.minimum(centre + length, limit), np.maximum(centre - length, -limit)
     length_within_reach = np.where(is_on_left, np.maximum(front - rear, np.int32(0)), np.int32(0))

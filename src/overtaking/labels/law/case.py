@@ -165,8 +165,8 @@ def scans(case: Case) -> ScanResults:
     events = case.events
     # The engine sums over the span "summed". The reproduced paper (Pinto, Dutra and Fonseca, 2023)
     # describes a simulation without an attempt by means over its frames, and one with an attempt by
-    # a single frame, so the span is then empty. It ends only with a collision or the recording: the
-    # paper's classes name no departure and no spin.
+    # a single frame, so the span is then empty. Departures and spins, which the paper's classes do
+    # not name, do not end the span.
     last_summed = np.where(events.collision == NEVER, events.last, events.collision)
     last_summed = np.where(events.has_attempt, NEVER, last_summed).astype(np.int32)
     # The keys are the engine's names of its input spans, `_core.FIELD_NAMES["spans"]`.

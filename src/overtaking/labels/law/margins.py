@@ -1,4 +1,9 @@
-"""Margins over frames: their minima, the frames of a breach, and findings from them."""
+"""Margins over frames: their minima, the frames of a breach, and findings from them.
+
+A finding is the verdict of one rule on each simulation, with the margin, which is negative in a
+breach. The ego is the vehicle under study, the target the vehicle that it overtakes. An event or
+frame that does not exist is `NEVER` (-1).
+"""
 
 from dataclasses import dataclass, fields
 from typing import Any
