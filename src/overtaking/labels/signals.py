@@ -275,7 +275,8 @@ def visibility_inputs(trajectories: Trajectories) -> dict[str, Any]:
             increases the second with the speed of the ego [1/m].
         contrast_depth: Optical depth at which a vehicle of medium contrast becomes invisible.
         lamp_depth: Logarithm of a rear lamp's intensity over the threshold of detection.
-        lamp_clear: Distance at which a rear lamp is detected in clear air [m].
+        lamp_clear: Distance at which a rear lamp is detected in clear air, by the inverse-square
+            law [m].
         unlit_limit: The attention range, or the range of the ego's low beam if it is shorter; by
             day only the attention range limits the sight of unlit vehicles [m].
         attention_range: Distance beyond which drivers perceive no vehicle, a number [m].

@@ -17,8 +17,8 @@ no verdict: the description of the criterion (`predicate`) refers to the rule wi
 - `limit_phrase`: completes the sentence "the ego missed ... by 2 m".
 - `text_source`: how the wording of the duty is known. `READ`: in the decree or a full reprint.
   `SECONDARY`: in a quotation, a bill or an earlier edition. `RECALLED`: no text was read. A rule
-  on several provisions has the weakest of those that its criterion applies. All rules give
-  verdicts, also `RECALLED` ones. `consulted_source` says where.
+  on several provisions has the weakest of those that its criterion applies. `RECALLED`
+  rules decide like the others. `consulted_source` says where the wording was read.
 - `source`: the Highway Code, unless a rule states another one. `stl-monitor` is a published monitor
   of highway rules, from which some numbers are taken.
 """

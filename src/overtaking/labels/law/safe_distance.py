@@ -167,9 +167,9 @@ def gap_between(speed: F32, decel: F32, ahead: Encounter, behind: Encounter) -> 
     """
     max_margin = RETURN_RANGE.f32
     gap_for_free_time = RETURN_FREE_TIME.f32 * ahead.closing_speed
-    # The compiled engine also computes this margin, and both results must have the same bits, also
-    # for NaN and signed zeros. NumPy's `maximum` and `minimum` may treat these in another way than
-    # the engine, so this package's own functions stand here.
+    # The compiled engine also computes this margin, but not the entry margins above. Both results
+    # must have the same bits, also for NaN and signed zeros, which NumPy's `maximum` and `minimum`
+    # may treat in another way than the engine; the functions of this package do not.
     min_gap_ahead = maximum(lawful_gap(speed, ahead.closing_speed, decel), gap_for_free_time)
     min_gap_behind = lawful_gap(speed + behind.closing_speed, behind.closing_speed, decel)
     margin = np.full(len(speed), max_margin, np.float32)
