@@ -9,16 +9,15 @@ no verdict: the description of the criterion (`predicate`) refers to the rule wi
   breach.
 - `required_by`: which of the policies `paper`, `default`, `strict`, `serious` and `enforced`
   require the rule. `EVERY_POLICY`: the 22 columns of the data of the reproduced study (Pinto, Dutra
-  and Fonseca, 2023) suffice to decide it.
-  `DEFAULT_AND_STRICTER`, all but `paper`: it also needs the road or its friction. `STRICT_ONLY`:
-  signals, lamps, keeping right, the intentions of others, and uncertain readings.
-  `ALL_BUT_STRICT`: `strict` requires the variant with an s instead. `NO_POLICY`: the duty is
-  another vehicle's.
+  and Fonseca, 2023) suffice to decide it. `DEFAULT_AND_STRICTER`, all but `paper`: it also needs
+  the road or its friction. `STRICT_ONLY`: signals, lamps, keeping right, the intentions of others,
+  and uncertain readings. `ALL_BUT_STRICT`: `strict` requires the variant with an s instead.
+  `NO_POLICY`: the duty is another vehicle's.
 - `limit_phrase`: completes the sentence "the ego missed ... by 2 m".
 - `text_source`: how the wording of the duty is known. `READ`: in the decree or a full reprint.
   `SECONDARY`: in a quotation, a bill or an earlier edition. `RECALLED`: no text was read. A rule
-  on several provisions has the weakest of those that its criterion applies. `RECALLED`
-  rules decide like the others. `consulted_source` says where the wording was read.
+  on several provisions has the weakest of those that its criterion applies. `RECALLED` rules
+  decide like the others. `consulted_source` says where the wording was read.
 - `source`: the Highway Code, unless a rule states another one. `stl-monitor` is a published monitor
   of highway rules, from which some numbers are taken.
 """
