@@ -430,7 +430,8 @@ class Stepper:
 
         Args:
             inputs: Inputs of the batch, with at least one simulation.
-            action_kind: Kind of the actions; None if the model's driver decides.
+            action_kind: Kind of the actions; None if the simulator's own driver drives the ego and
+                `step` ignores the actions.
             observes_truth: Whether the driver observes the true state, and not its beliefs about
                 it, which are late and have errors.
             level: SIMD level; None for the best of this CPU.
@@ -463,7 +464,8 @@ class Stepper:
         """Carry out one action of each simulation for some decisions.
 
         Args:
-            values: Parts of the actions as multiples of their resolution, shape (simulation, part).
+            values: Each part of the actions as a multiple of its `ActionPart.resolution`
+                (`model.driver_interface`), shape (simulation, part).
             decisions: Number of decisions, at least 1.
 
         Returns:

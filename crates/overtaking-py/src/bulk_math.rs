@@ -12,7 +12,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::inputs::expect_length;
-use crate::spread::expect_room;
+use crate::spread::expect_memory;
 
 /// Four arrays of random words of 32 bits.
 type Words<'py> = [Bound<'py, PyArray1<u32>>; 4];
@@ -57,7 +57,7 @@ pub fn random_words<'py>(
         draw,
     };
     // Memory for the four arrays below, each as large as `stream`: both have 32 bits for each simulation.
-    expect_room(4 * size_of_val(block.stream))?;
+    expect_memory(4 * size_of_val(block.stream))?;
     let mut words: [Vec<u32>; 4] = std::array::from_fn(|_| vec![0; block.index.len()]);
     let out = words.each_mut().map(Vec::as_mut_slice);
     py.detach(|| core::random_words(level, &block, out));

@@ -10,7 +10,7 @@ use pyo3::buffer::PyBuffer;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::spread::{expect_room, reserve};
+use crate::spread::{expect_memory, reserve};
 
 /// Number of bytes that are collected before they are hashed: two times sixteen chunks of one KiB. BLAKE3 hashes
 /// sixteen chunks together in the time of three single ones.
@@ -79,7 +79,7 @@ impl OwnedRows {
     fn new(py: Python<'_>, rows: &ArrowRows) -> PyResult<Self> {
         let copy = |buffer: &Option<PyBuffer<u8>>| match buffer {
             Some(buffer) => {
-                expect_room(buffer.len_bytes())?;
+                expect_memory(buffer.len_bytes())?;
                 buffer.to_vec(py)
             }
             None => Ok(Vec::new()),

@@ -21,7 +21,7 @@ use tiny_skia::{
 };
 
 use crate::inputs::expect_length;
-use crate::spread::{expect_room, reserve};
+use crate::spread::{expect_memory, reserve};
 
 /// Number of bytes of a pixel: red, green, blue and opacity.
 const PIXEL_BYTES: usize = 4;
@@ -65,7 +65,7 @@ impl Canvas {
     #[pyo3(signature = (width: "int", height: "int", colour: "str"))]
     fn new(width: u32, height: u32, colour: &str) -> PyResult<Self> {
         let [red, green, blue] = parse_colour(colour)?;
-        expect_room(
+        expect_memory(
             (width as usize)
                 .saturating_mul(height as usize)
                 .saturating_mul(PIXEL_BYTES),

@@ -23,7 +23,7 @@ use crate::inputs::{
     simulation_rows,
 };
 
-use crate::spread::{SIMULATION_BYTES, reserve, spread};
+use crate::spread::{SIMULATION_BYTES, reserve, run_in_pool};
 
 macro_rules! visibility_arrays {
     ($($(#[$doc:meta])* $field:ident, $count:expr;)*) => {
@@ -166,7 +166,7 @@ pub fn ego_signals_and_events(
     let (zero_from, events) = (zero_from.as_slice_mut()?, events.as_slice_mut()?);
     with_ego_signals! { with_outputs! {
         EgoSignals, signals, count * recording.max_frames,
-        |out| spread(py, count * SIMULATION_BYTES, || {
+        |out| run_in_pool(py, count * SIMULATION_BYTES, || {
             overtaking_labels::ego_signals(&recording, &visibility, level, &mut out, zero_from);
             overtaking_labels::events(&recording, &out.views(), &thresholds, events);
         })
@@ -209,7 +209,7 @@ pub fn neighbour_signals(
     expect_length("neighbour_slot", neighbour_slot.len(), NUM_ROLES * cells)?;
     with_neighbour_signals! { with_outputs! {
         NeighbourSignals, outputs, cells,
-        |out| spread(py, count * SIMULATION_BYTES, || {
+        |out| run_in_pool(py, count * SIMULATION_BYTES, || {
             overtaking_labels::neighbour_signals(&recording, neighbour_slot, level, &mut out);
         })
     } }
@@ -253,7 +253,7 @@ pub fn target_signals(
     expect_slots("target_slot", target_slot, recording.num_slots)?;
     with_target_signals! { with_outputs! {
         TargetSignals, outputs, count * recording.max_frames,
-        |out| spread(py, count * SIMULATION_BYTES, || {
+        |out| run_in_pool(py, count * SIMULATION_BYTES, || {
             overtaking_labels::target_signals(&recording, &signals, target_slot, level, &mut out);
         })
     } }
@@ -322,7 +322,7 @@ pub fn frames_alongside<'py>(
         .zip(last)
         .map(|(first, last)| (last - first.max(&0) + 1).clamp(0, max_frames) as usize)
         .sum();
-    let alongside = spread(py, frames * ALONGSIDE_BYTES, || {
+    let alongside = run_in_pool(py, frames * ALONGSIDE_BYTES, || {
         overtaking_labels::frames_alongside(&recording, &signals, target_slot, span, level)
     })?;
     Ok((
@@ -416,7 +416,7 @@ pub fn scan_spans(
         frames: frames.as_slice_mut()?,
         sums: sums.as_slice_mut()?,
     };
-    spread(py, count * SIMULATION_BYTES, || {
+    run_in_pool(py, count * SIMULATION_BYTES, || {
         overtaking_labels::scan_spans(&recording, &signals, &query, level, outputs);
     })
 }
@@ -473,7 +473,7 @@ pub fn limit_margins(
         is_maximum,
     };
     let (min_margin, frames) = (min_margin.as_slice_mut()?, frames.as_slice_mut()?);
-    spread(py, count * SIMULATION_BYTES, || {
+    run_in_pool(py, count * SIMULATION_BYTES, || {
         overtaking_labels::limit_margins(&query, level, min_margin, frames);
     })
 }

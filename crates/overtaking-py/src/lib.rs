@@ -27,7 +27,7 @@ use pyo3::types::PyDict;
 
 use crate::batch_inputs::PyInputs;
 use crate::inputs::{borrow_output, expect_length};
-use crate::spread::{SIMULATION_BYTES, no_threads, spread};
+use crate::spread::{SIMULATION_BYTES, no_threads, run_in_pool};
 
 /// Borrow every output array, and call `$body` with an `Output` over them.
 ///
@@ -156,7 +156,7 @@ fn simulate(
             ..inputs
         };
         let run = |out: Output<'_>| {
-            spread(py, work_bytes, || {
+            run_in_pool(py, work_bytes, || {
                 simulate_at(level, &inputs, &switches, out)
             })
         };

@@ -3,12 +3,12 @@
 use overtaking_core::pool::process_pool;
 use pyo3::prelude::*;
 
-/// Upper bound of the memory that a thread allocates to simulate [bytes]: states, histories and frames of four blocks
-/// of sixteen simulations with 32 vehicles each take less.
+/// Estimate of the memory that a thread needs to simulate [bytes]: 512 numbers of 4 bytes for each vehicle of 4
+/// blocks of 16 simulations with 32 vehicles, for parameters, states, histories and frames.
 const THREAD_BYTES: usize = 4 << 20;
 
-/// Memory that the engine allocates for each simulation in addition to the caller's arrays [bytes]: views of the
-/// outputs, and results before they are transposed.
+/// Estimate of the memory that the engine needs for each simulation in addition to the caller's arrays [bytes]: views of
+/// the outputs, and results before they are transposed.
 pub const SIMULATION_BYTES: usize = 2048;
 
 /// Run `work` in the thread pool of this process, while other Python threads run.
@@ -17,21 +17,21 @@ pub const SIMULATION_BYTES: usize = 2048;
 ///
 /// # Errors
 /// `SystemLimitError`: The system starts no more threads or grants no more memory.
-pub fn spread<R: Send>(
+pub fn run_in_pool<R: Send>(
     py: Python<'_>,
     work_bytes: usize,
     work: impl FnOnce() -> R + Send,
 ) -> PyResult<R> {
     let pool = process_pool().map_err(no_threads)?;
-    expect_room(work_bytes.saturating_add(pool.current_num_threads() * THREAD_BYTES))?;
-    spread_without_room(py, work)
+    expect_memory(work_bytes.saturating_add(pool.current_num_threads() * THREAD_BYTES))?;
+    run_without_memory_check(py, work)
 }
 
-/// As `spread`, for work whose memory an earlier call has allocated.
+/// As `run_in_pool`, for work whose memory an earlier call has allocated.
 ///
 /// # Errors
 /// `SystemLimitError`: The system starts no more threads.
-pub fn spread_without_room<R: Send>(
+pub fn run_without_memory_check<R: Send>(
     py: Python<'_>,
     work: impl FnOnce() -> R + Send,
 ) -> PyResult<R> {
@@ -46,7 +46,7 @@ pub fn spread_without_room<R: Send>(
 ///
 /// # Errors
 /// `SystemLimitError`: The system grants less memory.
-pub fn expect_room(bytes: usize) -> PyResult<()> {
+pub fn expect_memory(bytes: usize) -> PyResult<()> {
     reserve::<u8>(bytes).map(drop)
 }
 

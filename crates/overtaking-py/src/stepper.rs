@@ -13,10 +13,10 @@ use pyo3::prelude::*;
 
 use crate::batch_inputs::PyInputs;
 use crate::inputs::expect_length;
-use crate::spread::{spread, spread_without_room};
+use crate::spread::{run_in_pool, run_without_memory_check};
 
-/// Upper bound of the memory of a simulation that waits between calls [bytes]: parameters, states and histories of 32
-/// vehicles, in numbers of 4 bytes.
+/// Upper bound of the memory of a simulation that waits between calls [bytes]: 512 numbers of 4 bytes for the
+/// parameters, state and history of each of 32 vehicles.
 const STEPPED_BYTES: usize = 64 << 10;
 
 /// A batch that waits at every decision for the actions of an external driver.
@@ -45,7 +45,8 @@ impl Stepper {
     ///
     /// Args:
     ///     inputs: Inputs of the batch, with at least one simulation.
-    ///     action_kind: Kind of the actions; None if the model's driver decides.
+    ///     action_kind: Kind of the actions; None if the simulator's own driver drives the ego and
+    ///         `step` ignores the actions.
     ///     observes_truth: Whether the driver observes the true state, and not its beliefs about
     ///         it, which are late and have errors.
     ///     level: SIMD level; None for the best of this CPU.
@@ -89,7 +90,7 @@ impl Stepper {
         inputs.with_slices(py, |inputs| {
             let mut batch = stepped_batch_at(level, &inputs, action_kind, source)
                 .map_err(PyValueError::new_err)?;
-            let start = spread(py, work_bytes, || {
+            let start = run_in_pool(py, work_bytes, || {
                 batch.begin_simulations(&inputs, &all_rows)
             })?;
             Ok(Self {
@@ -110,7 +111,8 @@ impl Stepper {
     /// Carry out one action of each simulation for some decisions.
     ///
     /// Args:
-    ///     values: Parts of the actions as multiples of their resolution, shape (simulation, part).
+    ///     values: Each part of the actions as a multiple of its `ActionPart.resolution`
+    ///         (`model.driver_interface`), shape (simulation, part).
     ///     decisions: Number of decisions, at least 1.
     ///
     /// Returns:
@@ -137,7 +139,8 @@ impl Stepper {
         )?;
         let actions = values.as_slice()?;
         let batch = &mut self.batch;
-        let observations = spread_without_room(py, || batch.advance(actions, decisions))?;
+        // `begin_simulations` has allocated the memory of the batch.
+        let observations = run_without_memory_check(py, || batch.advance(actions, decisions))?;
         to_arrays(py, observations)
     }
 
@@ -180,7 +183,7 @@ impl Stepper {
         let work_bytes = rows.len().saturating_mul(STEPPED_BYTES);
         let batch = &mut self.batch;
         let observations = inputs.with_slices(py, |inputs| {
-            spread(py, work_bytes, || batch.begin_simulations(&inputs, &rows))
+            run_in_pool(py, work_bytes, || batch.begin_simulations(&inputs, &rows))
         })?;
         to_arrays(py, observations)
     }

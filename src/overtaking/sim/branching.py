@@ -43,8 +43,8 @@ _REMOVED_S = np.float32(-30_000.0)
 """Station of removed vehicles, far before the start of the road [m]. Chosen.
 
 A removed vehicle keeps its slot, because random numbers are drawn by slot. It also keeps its flag
-`valid` (the slot holds a vehicle): a change of this flag during a simulation would leave
-half-written frames.
+`valid` (the slot holds a vehicle): the engine writes sixteen frames of a vehicle at a time, if the
+flag holds at the last of them. A change in between would lose the earlier ones.
 """
 
 

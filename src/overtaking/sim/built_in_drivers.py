@@ -1,9 +1,9 @@
 """The drivers `stay` and `rules`, and drivers in ONNX files.
 
-`stay` and `rules` come with the package. They observe the traffic as the model driver believes it
-to be (`observation="human"`) and choose moves (`action="decision"`): they decide about lane
-changes, and the model driver accelerates, brakes and steers. `model.driver_interface` describes
-the columns that they read. Left is the overtaking side, also in left-hand traffic. The target is
+`stay` and `rules` come with the package. They observe the traffic as the model driver, the
+simulator's own driver of the ego, believes it to be (`observation="human"`). They choose moves
+(`action="decision"`): they decide about lane changes, and the model driver accelerates, brakes and
+steers. `model.driver_interface` describes the columns that they read. Left is the overtaking side, also in left-hand traffic. The target is
 the vehicle that the ego overtakes; new leader and new follower are the vehicles ahead and behind in
 the lane that a lane change would enter. UN R79 is the regulation on steering equipment, with rules
 for automatic lane changes.
@@ -86,8 +86,8 @@ MIN_TIME_BETWEEN_CHANGES = 8.0
 ABORT_STATE_THRESHOLD = 0.5
 """`abort_state` above which the ego aborts [1].
 
-Both states above 0 mean that the ego would not be past the target in time. In the state 0.5 it is
-still too fast or too near to fit in behind the target; in the state 1 it fits in.
+The observed state is 0.5 or 1 if the ego would not be past the target in time: 1 if it now fits in
+behind the target, 0.5 while it is still too fast or too near for that.
 """
 
 
@@ -176,6 +176,7 @@ def _is_back_in_time(observation: Observation) -> Mask:
     duration = distance / speed_gain + vehicle.lane_change_duration
     is_detected = oncoming.is_detected > 0
     oncoming_gap = np.minimum(np.where(is_detected, oncoming.gap, np.inf), passing.sight_distance)
+    # Closing speeds hold at the ego's present speed, the duration at its desired speed. A choice.
     closing_speed = np.where(is_detected, oncoming.closing_speed, 0.0)
     closing_speed = np.maximum(closing_speed, passing.expected_closing_speed)
     return oncoming_gap > (duration + ONCOMING_TIME_MARGIN) * closing_speed
@@ -211,7 +212,8 @@ def _is_clear_behind(
         observation: Observations of the egos.
         new_follower: The vehicle behind in the new lane.
         max_decel: Largest deceleration of the vehicle until it is as slow as the ego [m/s^2].
-        min_time_gap: Smallest time gap of the vehicle to the ego after that [s].
+        min_time_gap: Smallest time gap of the vehicle to the ego after that [s], at its speed
+            before braking. A choice, stricter than at the lower speed after braking.
     """
     closing_speed: F32 = np.maximum(new_follower.closing_speed, 0.0)
     follower_speed = observation.ego.speed + new_follower.closing_speed

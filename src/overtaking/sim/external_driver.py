@@ -1,8 +1,9 @@
 """Simulations in which an external driver, a program of the user's, drives the ego.
 
-The driver answers at each decision for all simulations of a batch at once. This module clips its
-answers, rounds them to integers and records them as actions. The batch is then simulated again with
-these actions. So every machine can repeat the simulation from the actions, without the driver.
+It replaces the *model driver*, the simulator's own driver of the ego. The external driver answers
+at each decision for all simulations of a batch at once. This module clips its answers, rounds them
+to integers and records them as actions. The batch is then simulated again with these actions. So
+every machine can repeat the simulation from the actions, without the driver.
 """
 
 import hashlib

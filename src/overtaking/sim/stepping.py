@@ -1,5 +1,6 @@
 """A batch that waits at every decision for the actions of an external driver, on either simulator.
 
+The external driver replaces the *model driver*, the simulator's own driver of the ego.
 `new_stepper` makes such a batch. `trace_beliefs` uses it to simulate a recording again, with the
 beliefs of the egos about their neighbours at every decision.
 """
