@@ -37,7 +37,8 @@ pub struct Road {
 /// Place of a road in the plane of the world.
 #[derive(Clone, Copy, Debug)]
 pub struct RoadPose {
-    /// World coordinate x of the point (s, d) = (0, 0) [m]; 0 for a road that bends, as are `y0` and `heading`.
+    /// World coordinate x of the point (s, d) = (0, 0) [m]. It is 0 for a road that bends, as are `y0` and `heading`:
+    /// Python then converts the recorded positions to the world, after the simulation.
     pub x0: f32,
     /// World coordinate y of this point [m].
     pub y0: f32,

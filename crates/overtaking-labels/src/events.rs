@@ -75,7 +75,7 @@ fn events_of(drive: &EgoDrive<'_>) -> EventRow {
     };
     let target = attempt.map_or_else(likely_target, |attempt| attempt.target);
     let begin = attempt.map_or(last, |attempt| attempt.begin);
-    // Without a return, the ego may pass further vehicles until the end.
+    // Without a return, passed vehicles count until the end of the recording, even after an accident.
     let num_passed = attempt.map_or(0, |attempt| {
         track.num_passed(attempt.begin, attempt.return_end.unwrap_or(last))
     });

@@ -7,8 +7,8 @@ use pyo3::prelude::*;
 /// blocks of 16 simulations with 32 vehicles, for parameters, states, histories and frames.
 const THREAD_BYTES: usize = 4 << 20;
 
-/// Estimate of the memory that the engine needs for each simulation in addition to the caller's arrays [bytes]: views of
-/// the outputs, and results before they are transposed.
+/// Estimate of the memory that the engine needs for each simulation in addition to the caller's arrays [bytes]: views
+/// of the outputs, and results before they are transposed.
 pub const SIMULATION_BYTES: usize = 2048;
 
 /// Run `work` in the thread pool of this process, while other Python threads run.

@@ -3,10 +3,10 @@
 `stay` and `rules` come with the package. They observe the traffic as the model driver, the
 simulator's own driver of the ego, believes it to be (`observation="human"`). They choose moves
 (`action="decision"`): they decide about lane changes, and the model driver accelerates, brakes and
-steers. `model.driver_interface` describes the columns that they read. Left is the overtaking side, also in left-hand traffic. The target is
-the vehicle that the ego overtakes; new leader and new follower are the vehicles ahead and behind in
-the lane that a lane change would enter. UN R79 is the regulation on steering equipment, with rules
-for automatic lane changes.
+steers. `model.driver_interface` describes the columns that they read. Left is the overtaking side,
+also in left-hand traffic. The target is the vehicle that the ego overtakes; new leader and new
+follower are the vehicles ahead and behind in the lane that a lane change would enter. UN R79 is the
+regulation on steering equipment, with rules for automatic lane changes.
 """
 
 import hashlib
