@@ -192,7 +192,7 @@ pub fn target_signals(
     level: Level,
     out: &mut TargetSignals<'_>,
 ) {
-    // As in `neighbour_signals`.
+    // As in `neighbour_signals`, no frame of the arrays is known to be zero.
     let mut zero_from = vec![i32::MAX; target_slot.len()];
     out.fill(
         recording,

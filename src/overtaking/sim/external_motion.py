@@ -54,7 +54,7 @@ class VehicleContact(NamedTuple):
         slot: Slot of the vehicle with the sensor.
         other_slot: Slot of the other vehicle; -1 for other objects.
         tick: Number of the tick of the other simulator.
-        impulse: Impulse on the vehicle, along the road and to its left [N s].
+        impulse: Impulse on the vehicle, along the road and to its left [N s]; only its size counts.
     """
 
     slot: int
@@ -68,8 +68,9 @@ class DriverOutput(NamedTuple):
 
     Attributes:
         requested_accel: Requested acceleration [m/s^2].
-        wheel_angle: Angle of the front wheels before `steer` turns them in this tick [rad]. A
-            two-wheeler leans instead: the lateral acceleration that its lean balances [m/s^2].
+        wheel_angle: Angle of the front wheels before `steer` turns them in this tick, positive to
+            the overtaking side [rad]. A two-wheeler leans instead: the lateral acceleration that
+            its lean balances [m/s^2].
         curvature: Curvature of a path that keeps the vehicle's present lateral position along the
             road, positive to the overtaking side [1/m].
         lateral_speed: Velocity across the road, towards the overtaking side [m/s].
