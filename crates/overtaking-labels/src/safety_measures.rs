@@ -34,7 +34,7 @@ macro_rules! with_law_numbers {
             friction_floor: f32,
             /// Deceleration per unit of friction: usable share of friction times gravity [m/s^2].
             decel_per_friction: f32,
-            /// Largest deceleration that is assumed of any vehicle [m/s^2].
+            /// Largest deceleration of both vehicles in the lawful gap [m/s^2].
             decel_limit: f32,
             /// Time before the following vehicle brakes [s].
             reaction_time: f32,
@@ -42,7 +42,7 @@ macro_rules! with_law_numbers {
             stop_reaction_time: f32,
             /// Frames after a cut-in ahead of the ego within which it may restore its gap.
             regain_frames: usize,
-            /// Time gap of the target behind the ego that suffices for the ego's return [s].
+            /// Time gap of the target behind the ego at which any vehicle has space to return [s].
             time_gap: f32,
             /// Time within which the ego must not reach the leader in the lane of its return [s].
             free_time: f32,
