@@ -25,8 +25,8 @@ the present observation.
 
 
 _SPEED_TIME_CONSTANT = 1.0
-"""With the kind `speed_lane`, the acceleration is the answered minus the present speed over this
-time [s].
+"""In the action space `speed_lane`, the acceleration is the answered minus the present speed over
+this time [s].
 
 Within the comfort limits the difference decreases to 37 % in this time. Chosen: with a longer time
 the ego would reach the answered speed later.
