@@ -200,6 +200,17 @@ def test_an_output_with_another_number_of_parts_than_the_action_is_refused(tmp_p
     assert "expected 2 parts (accel, lane_change), got 3" in message
 
 
+def test_a_network_may_answer_with_the_eight_parts_of_a_trajectory(tmp_path: Path):
+    path = linear(tmp_path / "trajectory.onnx", num_parts=8)
+    driver = evaluation.load_driver(str(path), "truth", action="trajectory", action_repeat=1)
+    scenes = ot.sample("pinto2023-physical", num_simulations=2, seed=1, overrides=SHORT)
+    trajectories = ot.drive(scenes, driver.function, observation="truth", action="trajectory")
+    # All points of the answers are at the vehicle itself, so the ego brakes.
+    last_frame = trajectories.num_frames - 1
+    speed = trajectories.states.speed[[0, 1], 0, last_frame]
+    assert (speed < trajectories.states.speed[:, 0, 0]).all()
+
+
 def test_a_fixed_number_of_rows_that_fits_the_check_is_refused_in_the_drive(tmp_path: Path):
     assert "(3, 2) for 2 simulations" in drive_error(of_shape(tmp_path / "fixed.onnx", [3, 2]))
 

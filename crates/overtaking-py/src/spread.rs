@@ -3,9 +3,9 @@
 use overtaking_core::pool::process_pool;
 use pyo3::prelude::*;
 
-/// Estimate of the memory that a thread needs to simulate [bytes]: 512 numbers of 4 bytes for each vehicle of 4
+/// Estimate of the memory that a thread needs to simulate [bytes]: 512 numbers of 4 bytes for each vehicle of 8
 /// blocks of 16 simulations with 32 vehicles, for parameters, states, histories and frames.
-const THREAD_BYTES: usize = 4 << 20;
+const THREAD_BYTES: usize = 8 << 20;
 
 /// Estimate of the memory that the engine needs for each simulation in addition to the caller's arrays [bytes]: views
 /// of the outputs, and results before they are transposed.

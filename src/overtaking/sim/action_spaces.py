@@ -173,6 +173,9 @@ ACTION_SPACES: Final = {
 `model.driver_interface.ACTION_KINDS` explains the kinds of action.
 """
 
+MAX_ANSWER_PARTS: Final = max(len(space.parts) for space in ACTION_SPACES.values())
+"""Largest number of parts of an answer. An answer may have more parts than its recorded action."""
+
 
 class ClippedAnswers(NamedTuple):
     """Answers within their limits.

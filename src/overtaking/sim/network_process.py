@@ -15,7 +15,7 @@ import numpy as np
 import onnxruntime
 
 from overtaking.core.process_limits import limit_process
-from overtaking.model.driver_interface import MAX_ACTION_PARTS
+from overtaking.sim.action_spaces import MAX_ANSWER_PARTS
 from overtaking.sim.built_in_drivers import READY
 
 if TYPE_CHECKING:
@@ -99,12 +99,12 @@ class _Network:
             action = self._session.run(None, {self._input_name: observation})[0]
         except Exception as error:
             raise _runtime_error("an output", error) from None
-        expected = f"numbers of shape (simulation, 1 to {MAX_ACTION_PARTS}) as the first output"
+        expected = f"numbers of shape (simulation, 1 to {MAX_ANSWER_PARTS}) as the first output"
         if not isinstance(action, np.ndarray) or action.dtype.kind not in "fiub":
             value_type = getattr(action, "dtype", type(action).__name__)
             raise _UnusableError(expected, f"values of type {value_type}")
         num_parts = action.shape[1] if action.ndim == 2 else 1
-        has_parts = action.ndim in {1, 2} and 1 <= num_parts <= MAX_ACTION_PARTS
+        has_parts = action.ndim in {1, 2} and 1 <= num_parts <= MAX_ANSWER_PARTS
         if not has_parts or len(action) != len(observation):
             raise _UnusableError(expected, f"{action.shape} for {len(observation)} simulations")
         return action
