@@ -305,7 +305,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             sight_distance: oncoming.sight_distance,
             is_certain: flag(oncoming.is_certain),
             expected_closing_speed: self.expected_closing_speed(),
-            // The column is defined by the leader, not by the target, also while the ego overtakes.
+            // As its name says, this column follows the leader also while the ego overtakes.
             gap_ahead_of_leader: at_most(
                 self.gap_ahead_of(leader_slot),
                 params.constants.unseen_gap,

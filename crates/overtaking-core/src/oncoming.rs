@@ -132,6 +132,7 @@ pub fn observe_oncoming<S: Simd, const N: usize>(
             .vehicle(params, slot)
             .believe(&sighting, certain, decision_index);
         let leader_slot = neighbours.slot[LEADER];
+        // Positive to the left.
         let indicator = at_slot!(params, leader_slot, |j| state.controls.indicator[j]);
         oncoming.leader_pulls_out = leader_slot.simd_ge(0.0) & indicator.simd_gt(0.0);
     }

@@ -234,9 +234,9 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         space: &ReturnSpace<S>,
     ) -> Mask<S> {
         let closing_speed = at_least(motion.closing_speed, MIN_CLOSING_SPEED);
-        // At the present speed, unlike `times.complete`: the driver follows the next vehicle, which may be too slow for
-        // it to get clear of the target. `times.abort` contains the lane change and this time does not: a choice, in
-        // favour of the pass.
+        // The time at the present speed, because the driver follows the next vehicle, which may be too slow for it to
+        // get clear of the target. The lane change, which `times.abort` contains, is left out: a choice, in favour of
+        // the pass.
         let clears_target_late = (motion.distance_to_clear() / closing_speed).simd_gt(times.abort);
         space.size.simd_lt(self.params.constants.min_return_space) | clears_target_late
     }
@@ -308,9 +308,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let time = self.time_to_pass(distance, &speeds)
             + self.time_to_move_over()
             + constants.urgent_return_margin;
-        // The driver counts on the nearer of the believed vehicle and one that the hidden part of the road may contain;
-        // its closing speed is the usual one until the driver has judged it. For the other decisions (`time_to_meet`)
-        // only a detected vehicle counts.
+        // As before it pulls out, the driver also assumes an oncoming vehicle where the road is hidden, at the usual
+        // speed.
         let would_be_late =
             assumed_oncoming_gap(vehicle, oncoming).simd_lt(time * oncoming.closing_speed);
         // The acceleration that just avoids a contact, if the next vehicle keeps its speed.

@@ -67,10 +67,10 @@ fn time_to_gain<S: Simd>(
 
 /// Acceleration that drivers expect on the way up to their passing speed [m/s^2].
 ///
-/// Passing drivers use more of the engine than followers (`accelerate_gain`). The engine limits them to its force at
-/// the mean of the present speed and the passing speed: for constant power this mean gives the exact time. `slip_speed`
-/// bounds it from below. Drivers know the power of their vehicle. They misjudge the time of a pass by the trait
-/// `passing_time_factor`, which is not part of this acceleration.
+/// Passing drivers accelerate more than followers, by the factor `accelerate_gain`. The engine limits them to its force
+/// at the mean of the present speed and the passing speed: for constant power this mean gives the exact time.
+/// `slip_speed` bounds it from below. Drivers know the power of their vehicle. They misjudge the time of a pass by the
+/// trait `passing_time_factor`, which is not part of this acceleration.
 #[inline(always)]
 fn expected_accel<S: Simd>(
     constants: &ModelConstants,
@@ -130,6 +130,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     #[inline(always)]
     fn passing_speed(self, target_speed: F32<S>) -> F32<S> {
         let vehicle = self.vehicle();
+        // `desired_passing_speed` is the speed at which the driver desires to pass any vehicle.
         let speed = max(
             self.desired_passing_speed(),
             target_speed + self.params.constants.passing_speed_surplus,

@@ -391,8 +391,8 @@ fn recall_motion<S: Simd, const N: usize>(
     decision_index: F32<S>,
     slot: F32<S>,
 ) -> (F32<S>, F32<S>) {
-    // The history of each slot in each SIMD lane is a ring of `HISTORY_LENGTH` rows, `HISTORY_STRIDE` apart from the
-    // next one.
+    // Each slot has one ring of `HISTORY_LENGTH` rows for each SIMD lane. A ring begins `HISTORY_STRIDE` rows after the
+    // one before.
     let periods = floor(decision_index * (1.0 / HISTORY_LENGTH as f32));
     let row = decision_index - HISTORY_LENGTH as f32 * periods;
     // `NO_SLOT` reads the history of slot 0; callers ignore the result.
@@ -449,15 +449,15 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let (constants, vehicle) = (&params.constants, self.vehicle());
         let interval = constants.glance_interval as u32;
         // The drivers of a simulation look one after the other: the stagger of 7 and the interval of 20 decisions have
-        // no common factor. As a slot looks in all sixteen simulations of a block at the same decisions, the block
-        // saves time at all others; with looks at random times one of the sixteen would look at more than half of the
-        // decisions. Without looks in the first interval, no driver indicates or changes lanes in it.
+        // no common factor. A slot looks at the same decisions in all sixteen simulations of a block, which saves time
+        // at decisions without a look; with looks at random times one of the sixteen would look at more than half of
+        // the decisions. Without looks in the first interval, no driver indicates or changes lanes in it.
         let staggered_index = decision_index + slot as u32 * constants.glance_stagger as u32;
         if decision_index >= interval && staggered_index.is_multiple_of(interval) {
             return vehicle.valid.simd_eq(vehicle.valid); // True in every SIMD lane.
         }
-        // Drivers that overtake by gap acceptance count another time than those that change lanes by MOBIL. Each time
-        // is compared, by > or >=, as where the lane change starts.
+        // Drivers that overtake by gap acceptance count `time_indicating`, those that change lanes by MOBIL
+        // `time_wanted`. Each model starts its lane changes by this comparison, > or >=.
         let has_indicated = if params.road.can_overtake(slot) {
             state.overtake.time_indicating[slot].simd_gt(vehicle.indicator_lead_time)
         } else {
@@ -539,7 +539,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
 /// Update the beliefs of the driver in `slot` about its six neighbours, in `context.beliefs`.
 ///
-/// `bodies` hold the intensity of each rear lamp: of the brighter one that is on, tail or stop lamp.
+/// `inverse_rear_lamp` of `bodies` is one over the intensity of the brighter rear lamp that is on, tail or stop lamp
+/// [1/cd].
 ///
 /// Drivers watch the leader, and while they change lanes also the vehicles ahead on either side. They glance at the
 /// other neighbours when they check mirrors and adjacent lanes, and ignore them between two glances.
@@ -583,7 +584,7 @@ pub fn form_beliefs<S: Simd, const N: usize>(
     let (own_speed, _) = driver.road_velocity(); // Along and across the road.
     let distance_factor = exp(simulation.distance_error * state.noise.distance_error[slot]);
     *beliefs = Beliefs::without_neighbours(params.simd);
-    // Only leaders in other lanes can be hidden, and both are needed at the same decisions.
+    // Only leaders in other lanes can be hidden. Both are needed at the same decisions, so `LEFT_LEADER` serves.
     let tall_leader = is_needed(LEFT_LEADER).then(|| TallLeader::new(params, neighbours));
     let known_slots = state.attention.slot_in_view[slot];
     let known_times = state.attention.time_in_view[slot];

@@ -152,8 +152,7 @@ impl<'a, const N: usize> Recorder<'a, N> {
                 tile.0[(slot * NUM_PACKED_WORDS + k) * FRAMES_PER_TILE + row] =
                     Row(word.to_array());
             }
-            // In frame k of the tile the output of lane k, so that after sixteen frames the memory of all lanes is in
-            // the cache.
+            // Frame k of the tile prefetches the memory of lane k, so after sixteen frames all lanes are in the cache.
             if valid.test(row) {
                 self.prefetch_rows(slot, row);
             }

@@ -277,7 +277,7 @@ pub fn update_road_course<S: Simd, const N: usize>(
 
     let station = course_station(params, drives_against, s);
     let radii = [&table.radius_along, &table.radius_against];
-    // Not the radius here, but one that is large where the next bends are wide or far ahead.
+    // Radius by which drivers choose their speed: large where the next bends are wide or far ahead.
     let radius = interpolate_course(station, last, |simd_lane| radii[direction(simd_lane)]);
     let bend_accel = at_most(params.simulations.max_lateral_accel, constants.bend_accel);
     road.bend_speed[slot] = (bend_accel * radius).sqrt();

@@ -147,7 +147,7 @@ pub fn settle_into_bend<S: Simd, const N: usize>(
     let angle = curvature * (vehicle.wheelbase + vehicle.understeer * (v * v));
     state.controls.wheel_angle[slot] = select(is_two_wheeler, accel_lat, angle);
     motion.vy[slot] = select(is_two_wheeler, splat(params.simd, 0.0), vy);
-    // Its centre moves along the road. Where a formula divides by speed, `slip_speed` is the least.
+    // The centre moves along the road. `slip_speed` is the least divisor in place of a speed.
     motion.heading[slot] = -atan(motion.vy[slot] / at_least(v, constants.slip_speed));
     (motion.sin_heading[slot], motion.cos_heading[slot]) = sincos(motion.heading[slot]);
     (motion.yaw_rate[slot], motion.accel_lat[slot]) = (yaw_rate, accel_lat);
@@ -222,7 +222,8 @@ fn turn_wheels<S: Simd, const N: usize>(
 impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Wheel angle [rad], or lean [m/s^2], that holds a straight course in the side wind.
     ///
-    /// `moment_angle` is the wheel angle per yaw moment of the wind, `understeer` that per lateral acceleration.
+    /// `moment_angle` is the wheel angle per yaw moment of the wind, `understeer` the wheel angle per lateral
+    /// acceleration.
     #[inline(always)]
     fn wind_trim(self) -> F32<S> {
         let (wind, slot, vehicle) = (&self.state.friction_and_wind, self.slot, self.vehicle());
@@ -234,7 +235,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// Largest difference of the wheel angle from the slip angle of the front axle, on the friction of this decision
     /// [rad].
     ///
-    /// Beyond this slip a larger wheel angle gives hardly more side force.
+    /// Beyond this slip a larger wheel angle gives hardly more side force. With a `slip_share` of 3 the tyre would
+    /// slide.
     #[inline(always)]
     pub fn slip_reach(self) -> F32<S> {
         let (friction, slot) = (&self.state.friction_and_wind, self.slot);

@@ -253,8 +253,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let (constants, vehicle) = (&params.constants, self.vehicle());
         let is_two_wheeler = vehicle.two_wheeler.simd_gt(0.0);
         let brakes = force.simd_lt(0.0);
-        // The acceleration of the last step contains the pull of the slope. It affects the estimate only where friction
-        // limits the force, and in `steering_loss`.
+        // The acceleration of the last step contains the pull of the slope, an error that affects the estimate only
+        // where friction limits the force, and in `steering_loss`.
         let front_load_share = self.front_load_share(state.motion.accel_lon[slot]);
         // `front_drive` is the share of the engine's force at the front axle.
         let front_force_share = select(brakes, front_load_share, vehicle.front_drive);
@@ -408,8 +408,8 @@ fn single_track_step<S: Simd, const N: usize>(
 
     // The side force of turned front wheels points partly backwards, and so decelerates the vehicle. It is taken in the
     // middle of the step.
-    let slip_change = 0.5 * (vy_change + vehicle.cg_front * yaw_rate_change);
-    let front_force_mid = front_tyre.force - front_slope * slip_change;
+    let side_speed_change = 0.5 * (vy_change + vehicle.cg_front * yaw_rate_change);
+    let front_force_mid = front_tyre.force - front_slope * side_speed_change;
     let force_lon =
         front.force_lon * cosine - front_force_mid * sine + rear.force_lon - mid.resistance;
     let accel_lon = force_lon * vehicle.inverse_mass;

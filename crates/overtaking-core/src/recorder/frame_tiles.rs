@@ -168,7 +168,7 @@ pub fn transpose<S: Simd>(simd: S, rows: &[Row]) -> [Row; SIMD_LANES] {
     square.map(|vector| Row(vector.to_array()))
 }
 
-/// Copy sixteen numbers into `out` from `place` on, if sixteen fit.
+/// Copy sixteen numbers into `out` from `place` on. They fit, because `Output::frames` is a multiple of sixteen.
 #[inline(always)]
 fn write_sixteen<T: Copy>(out: &mut [T], place: usize, row: [T; SIMD_LANES]) {
     if let Some(destination) = out[place..].first_chunk_mut::<SIMD_LANES>() {

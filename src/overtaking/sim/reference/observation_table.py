@@ -272,7 +272,7 @@ def _passing_columns(
     is_following = state.is_in_stage(Stage.FOLLOW, ego)
     # Before an overtake the leader is the vehicle that the ego would pass.
     passed_slot = np.where(is_following, leader_slot, state.overtake.target_slot[ego])
-    # The column is defined by the leader, not by the target, also while the ego overtakes.
+    # As its name says, this column follows the leader also while the ego overtakes.
     gap_ahead_of_leader = gap_ahead_of(state, params, leader_slot, ego)
     return PassingColumns(
         sight_distance=oncoming.sight_distance[ego],

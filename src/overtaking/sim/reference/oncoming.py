@@ -107,6 +107,7 @@ def observe_oncoming(
     is_certain_of_any_lane = _is_certain(state, params, any_lane_sighting, _IN_ANY_LANE)
     is_certain_of_own_lane = _is_certain(state, params, own_lane_sighting, _IN_OWN_LANE)
     leader = neighbours.slot[LEADER]
+    # An indicator is positive to the left.
     return OncomingTraffic(
         nearest=_believe(state, params, any_lane_sighting, is_certain_of_any_lane, decision_index),
         in_own_lane=_believe(
@@ -369,7 +370,7 @@ def nearest_oncoming(
         is_ahead = is_oncoming & (distance_ahead >= 0) & (excluded_slot != np.float32(other_slot))
         for lanes, (right, left) in enumerate(borders):
             is_in_lanes = (left_side > right + margin) & (right_side < left - margin)
-            # In any lane, a vehicle that changes lanes counts by its body.
+            # A vehicle that changes lanes is in some lane anyway.
             is_in_lanes = is_in_lanes | changes_to_lane if lanes == _IN_OWN_LANE else is_in_lanes
             is_nearer = is_ahead & is_in_lanes & (distance_ahead < distance[lanes])
             slot[lanes] = np.where(is_nearer, np.float32(other_slot), slot[lanes])

@@ -248,9 +248,9 @@ def _is_trapped(
 ) -> Mask:
     """Whether the space is too small, or aborting is quicker than clearing the target."""
     closing_speed = maximum(motion.closing_speed, MIN_CLOSING_SPEED)
-    # At the present speed, unlike `times.complete`: the driver follows the next vehicle, which may
-    # be too slow for it to get clear of the target. `times.abort` contains the lane change and this
-    # time does not: a choice, in favour of the pass.
+    # The time at the present speed, because the driver follows the next vehicle, which may be too
+    # slow for it to get clear of the target. The lane change, which `times.abort` contains, is left
+    # out: a choice, in favour of the pass.
     clears_target_late = _distance_to_clear(motion) / closing_speed > times.abort
     return (space.size < params.constants.min_return_space) | clears_target_late
 
@@ -327,9 +327,8 @@ def _must_return_before_next(
     speeds = PassingSpeeds(passer=speed, target=speed - closing_speed, closing=closing_speed)
     time = time_to_pass(constants, vehicles, distance, speeds)
     time = time + _time_to_move_over(params) + constants.urgent_return_margin
-    # The driver counts on the nearer of the believed vehicle and one that the hidden part of the
-    # road may contain; its closing speed is the usual one until the driver has judged it. For the
-    # other decisions (`_time_to_meet`) only a detected vehicle counts.
+    # As before it pulls out, the driver also assumes an oncoming vehicle where the road is hidden,
+    # at the usual speed.
     oncoming_gap = assumed_oncoming_gap(vehicles, oncoming.believed_gap, oncoming.sight_distance)
     would_be_late = oncoming_gap < time * oncoming.closing_speed
     next_vehicle = Leader(gap=gap, closing_speed=closing_speed)

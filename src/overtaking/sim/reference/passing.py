@@ -97,11 +97,11 @@ def expected_accel(
 ) -> F32:
     """Acceleration that drivers expect on the way up to their passing speed [m/s^2].
 
-    Passing drivers use more of the engine than followers (`accelerate_gain`). The engine limits
-    them to its force at the mean of the present speed and the passing speed: for constant power
-    this mean gives the exact time. `slip_speed` bounds it from below. Drivers know the power of
-    their vehicle. They misjudge the time of a pass by the trait `passing_time_factor`, which is not
-    part of this acceleration.
+    Passing drivers accelerate more than followers, by the factor `accelerate_gain`. The engine
+    limits them to its force at the mean of the present speed and the passing speed: for constant
+    power this mean gives the exact time. `slip_speed` bounds it from below. Drivers know the power
+    of their vehicle. They misjudge the time of a pass by the trait `passing_time_factor`, which is
+    not part of this acceleration.
 
     Args:
         constants: Constants of the model.

@@ -113,9 +113,9 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
     all_slots = np.arange(len(state.motion.s))[:, None]
     interval = int(constants.glance_interval)
     # The drivers of a simulation look one after the other: the stagger of 7 and the interval of 20
-    # decisions have no common factor. The engine computes sixteen simulations at once. As a slot
-    # looks in all of them at the same decisions, it saves time at all others; with looks at random
-    # times one of the sixteen would look at more than half of the decisions.
+    # decisions have no common factor. A slot looks at the same decisions in all simulations. The
+    # engine computes sixteen of them at once and saves time at decisions without a look; with looks
+    # at random times one of the sixteen would look at more than half of the decisions.
     is_due = (decision_index + all_slots * int(constants.glance_stagger)) % interval == 0
     # No look in the first interval, so no driver indicates or changes lanes in it.
     is_due = is_due & (decision_index >= interval)
@@ -123,8 +123,9 @@ def checks_mirrors_now(state: State, params: StepParameters, decision_index: int
     may_cancel = state.path.elapsed < constants.abort_until * state.path.duration
     is_due = is_due | (may_cancel & (decision_index % int(constants.glance_moving) == 0))
     has_indicated = choice.time_wanted >= vehicles.indicator_lead_time
-    # The drivers in these slots overtake by gap acceptance, which counts another time; the others
-    # change lanes by MOBIL. Each time is compared, by > or >=, as where the lane change starts.
+    # The drivers in these slots overtake by gap acceptance, which counts `time_indicating`; the
+    # others change lanes by MOBIL, which counts `time_wanted`. Each model starts its lane changes
+    # by this comparison, > or >=.
     overtaking_slots = slice(None) if params.road.has_oncoming_traffic else EGO_SLOT
     time_indicating = state.overtake.time_indicating[overtaking_slots]
     lead_time = vehicles.indicator_lead_time[overtaking_slots]

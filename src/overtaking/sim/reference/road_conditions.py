@@ -331,7 +331,7 @@ def apply_study_push(state: State, params: StepParameters, decision_index: int) 
 
     Source:
         Pinto, Dutra and Fonseca 2023: forces towards the side that the wind blows to, more often in
-        more rain and wind. The specification chooses size and duration.
+        more rain and wind. Size and duration are choices of the profile `pinto2023`.
     """
     vehicles, simulations = params.vehicles, params.simulations
     wind = state.friction_and_wind

@@ -134,7 +134,7 @@ def settle_into_bend(state: State, params: StepParameters) -> None:
     angle = state.road.curvature * (vehicles.wheelbase + vehicles.understeer * (v * v))
     state.controls.wheel_angle = np.where(is_two_wheeler, accel_lat, angle)
     motion.vy = np.where(is_two_wheeler, ZERO, vy)
-    # Its centre moves along the road. Where a formula divides by speed, `slip_speed` is the least.
+    # The centre moves along the road. `slip_speed` is the least divisor in place of a speed.
     motion.heading = -atan(motion.vy / maximum(v, constants.slip_speed))
     motion.yaw_rate, motion.accel_lat = yaw_rate, accel_lat
 
@@ -227,8 +227,8 @@ def _requested_steering(
     angle_per_accel = vehicles.wheelbase * (inverse_speed * inverse_speed) + vehicles.understeer
     angle = damped_accel * angle_per_accel + state.controls.wind_trim
 
-    # Beyond the slip angle `reach` a larger wheel angle gives hardly more side force; so drivers
-    # steer a sliding vehicle into the slide.
+    # Beyond the slip angle `reach` a larger wheel angle gives hardly more side force (with a
+    # `slip_share` of 3 the tyre would slide); so drivers steer a sliding vehicle into the slide.
     slip = (vy + vehicles.cg_front * yaw_rate) * inverse_speed
     friction = state.friction_and_wind
     reach = (

@@ -218,8 +218,8 @@ def _axles(state: State, params: StepParameters, force: F32, mid: MidStep) -> Ax
     """
     vehicles, constants = params.vehicles, params.constants
     is_two_wheeler = vehicles.two_wheeler > 0
-    # The acceleration of the last step contains the pull of the slope. It affects the estimate only
-    # where friction limits the force, and in `steering_loss`.
+    # The acceleration of the last step contains the pull of the slope, an error that affects the
+    # estimate only where friction limits the force, and in `steering_loss`.
     front_load_share = _front_load_share(params, state.motion.accel_lon)
     # `front_drive` is the share of the engine's force at the front axle.
     front_force_share = np.where(force < 0, front_load_share, vehicles.front_drive)
@@ -331,8 +331,8 @@ def _single_track_step(
 
     # The side force of turned front wheels points partly backwards, and so decelerates the vehicle.
     # It is taken in the middle of the step.
-    slip_change = HALF * (vy_change + vehicles.cg_front * yaw_rate_change)
-    front_force_mid = front_tyre.force - front_slope * slip_change
+    side_speed_change = HALF * (vy_change + vehicles.cg_front * yaw_rate_change)
+    front_force_mid = front_tyre.force - front_slope * side_speed_change
     force_lon = front.force_lon * cosine - front_force_mid * sine + rear.force_lon - mid.resistance
     accel_lon = force_lon * vehicles.inverse_mass
     mean_yaw_rate = motion.yaw_rate + HALF * yaw_rate_change
@@ -404,7 +404,7 @@ def _select(mask: Mask, step_if: MotionStep, step_else: MotionStep) -> MotionSte
 
 
 def _stop_when_creeping(state: State, params: StepParameters, motion_step: MotionStep) -> None:
-    """Stop vehicles that hardly move and are not to accelerate."""
+    """Stop vehicles that hardly move and whose drivers do not request acceleration."""
     standstill = params.constants.standstill
     creeps = (motion_step.vx < standstill) & (np.abs(motion_step.vy) < standstill)
     stops = creeps & (state.controls.requested_accel <= 0)
