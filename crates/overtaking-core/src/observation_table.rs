@@ -271,7 +271,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             ),
             closing_speed: if_detected(closing_speed),
             accel: if_detected(accel),
-            // Oncoming vehicles count lateral positions from the other side of the road.
+            // Oncoming vehicles count lateral positions from the other side of the road; `edge_sum`, the sum of the
+            // positions of both edges, mirrors them.
             lateral_distance: if_detected(
                 (params.road.directions.edge_sum - d) - state.motion.d[slot],
             ),

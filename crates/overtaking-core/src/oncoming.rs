@@ -530,6 +530,7 @@ impl<S: Simd, const N: usize> OncomingSearch<S, N> {
             let vehicle = &params.vehicles[j];
             // Whether the simulation has a vehicle in this slot.
             let valid = vehicle.valid.simd_gt(0.0);
+            // `edge_sum`, the sum of the lateral positions of both edges, mirrors a lateral position.
             let d = road.directions.edge_sum - state.motion.d[j];
             let view = OppositeView {
                 s: road.directions.length - state.motion.s[j],
