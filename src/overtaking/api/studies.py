@@ -120,8 +120,9 @@ def dataset_statistics(
         policy: `paper`, `default` or `strict`; None for the policy of the profile.
         reading: Definition of the features (the columns that describe a simulation) in simulations
             without an overtake. In simulations with an overtake, features describe its start.
-            `paper` takes means over the simulation, as in the paper; the class without an overtake
-            then differs from the others by the way of measuring alone. `matched` draws an instant,
+            `paper` takes means over the simulation, as in the paper. A mean and a value at an
+            instant differ even in equal traffic, so the class without an overtake seems to differ
+            from the others. `matched` draws an instant,
             such that the waiting times until it are distributed like the waiting times before
             overtakes. None for `paper` with the policy `paper`, else `matched`.
         weighted: Whether each simulation counts by its weight, a column of the data set. Weights

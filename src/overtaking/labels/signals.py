@@ -82,10 +82,10 @@ def extract_signals_and_events(
     events = np.empty((len(names), len(trajectories.num_frames)), np.int32)
     layouts = _array_layouts(trajectories, EgoSignals, (*SIGNALS_FOR_ENGINE, "accel"))
     zero_from = ArrayLayout("zero_from", trajectories.num_frames.shape, np.int32)
-    # Signals are 0 after the end of a simulation. The memory of new `Buffers` is all zeros, or that
-    # of a deleted batch. The engine stores in `zero_from`, a part of this memory, from which frame
-    # on each row is 0. For the next batch in this memory it clears only earlier frames, which saves
-    # writes: most simulations end early.
+    # Signals are 0 after the end of a simulation. Memory of a deleted batch is used again. With it
+    # comes `zero_from`: for each row, the frame from which on the deleted batch left zeros. The
+    # engine clears only the frames before that one, which saves writes because most simulations end
+    # early, and then stores its own `zero_from`. New memory is all zeros.
     outputs = Buffers().arrays("signals", (*layouts, zero_from))
     zero_from_frame = outputs.pop("zero_from")
     _core.ego_signals_and_events(

@@ -427,7 +427,8 @@ class Delayed(Batch):
 
             Python calls this method only for attributes that have no value yet.
             """
-            # A batch that `__init__` made has no `_later`; `self._later` calls this method again.
+            # A batch that `__init__` made has no attribute `_later`. Python then calls this method
+            # for `_later` itself, which must raise the error below instead of calling itself.
             later = {} if name == "_later" else self._later
             if name not in later:
                 raise AttributeError(name, name=name, obj=self)

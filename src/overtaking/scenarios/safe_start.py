@@ -400,8 +400,9 @@ def _make_collisions_avoidable(vehicles: _SortedVehicles, rear_limits: list[F32]
     its leader. A vehicle that is too fast first moves back as far as it may, then slows.
 
     The calculation assumes that the leader has, from the first moment on, the lowest speed of all
-    vehicles ahead in the lane. No braking of the leader down to that speed is harder for the
-    follower. A follower at that speed is safe, so no vehicle slows below the slowest one ahead.
+    vehicles ahead in the lane. This is the worst case: braking to that speed takes time, and leaves
+    the follower more space. A follower at that speed is safe, so no vehicle slows below the slowest
+    one ahead.
 
     Args:
         vehicles: The vehicles; their stations and speeds change.

@@ -112,8 +112,7 @@ def _check_part(part: tuple[float, float]) -> tuple[float, float]:
     return part
 
 
-# Limits of the changes that a component may make, see `Component`; choices, which keep weights
-# finite.
+# Limits of the changes that a component may make, see `Component`; choices.
 _Power = Annotated[float, Field(ge=0.01, le=20.0)]
 _Part = Annotated[tuple[Share, Share], AfterValidator(_check_part)]
 _Shift = Annotated[float, Field(ge=-3.0, le=3.0)]
@@ -197,8 +196,8 @@ class Component(Section):
         """The component without its changes of the ego's driver.
 
         `analysis.evaluation` compares drivers of the ego in the same scenes. The model's driver of
-        the ego then does not drive, so its numbers must not affect the weight of a scene. The
-        remaining weights are exact: a component draws each number independently of the others.
+        the ego then does not drive, so its numbers must not affect the weight of a scene. A
+        component draws each number independently, so the weight without them is exact as well.
         """
         changes = {
             field: {

@@ -337,8 +337,8 @@ def rules_needed_by(
     """The rules and facts that goals depend on.
 
     Constants are propagated from the goals into the rules, so that a query about one rule of law
-    reads only the facts of that rule. The selected facts may be too few for conclusions with other
-    constants.
+    reads only the facts of that rule. The facts may be too few for other conclusions of the same
+    rules, such as about another rule of law.
 
     Args:
         goals: Predicates with the constants that their arguments must be.

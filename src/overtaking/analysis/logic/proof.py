@@ -118,7 +118,8 @@ def prove_breaches(
     instance_rules = [_instance_rule(index, rule) for index, rule in enumerate(needed.rules)]
     program = needed.program + "\n".join(rule.text for rule in instance_rules)
     predicates = ((_INSTANCE_PREDICATE, 4),)
-    # The law does not read the facts with positions: the largest frame step makes fewest of them.
+    # `MAX_FRAME` is the step between frames with facts about positions. The law reads none of these
+    # facts, and the largest step makes the fewest.
     facts = pooled_facts(group, needed.requested_facts, MAX_FRAME)
     with Reasoner(program, predicates, timeout_s=timeout_s, memory_mib=memory_mib) as reasoner:
         rows = reasoner.solve(facts)

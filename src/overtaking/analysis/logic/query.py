@@ -101,7 +101,7 @@ _MAX_SUGGESTIONS, _MIN_SIMILARITY = 3, 0.5
 _MAX_SUMMED_VALUE = 2000
 """Largest value that a query may sum.
 
-Its sum over a million frames, the largest number (`vocabulary.MAX_FRAME`), stays within 32 bits.
+A sum of a million such values, one in each frame (`vocabulary.MAX_FRAME`), stays within 32 bits.
 """
 
 
@@ -518,7 +518,8 @@ def ask(
         for group in read_groups(dataset, simulation_ids):
             frame_interval_ms = group.case.signals.frame_interval_ms
             # A pool is a short way to write several facts, `night(3;7)`. Each fact names its
-            # simulation, so a query whose atoms share the variable `S` is answered within each one.
+            # simulation, so atoms that share the variable `S` are about one simulation. Atoms with
+            # different variables combine the simulations of one group.
             facts = pooled_facts(group, parsed.requested_facts, frame_step)
             group_rows = _solve_group(reasoner, facts)
             bytes_left = remaining_answer_bytes(bytes_left, group_rows, "ask", memory_mib)
@@ -526,7 +527,7 @@ def ask(
             num_simulations += len(group.simulation_ids)
             if progress is not None:
                 progress(num_simulations, num_requested)
-            if len(rows) > max_rows:
+            if len(rows) > max_rows:  # A group may have more rows than are asked for.
                 break
     return Answers(
         columns=parsed.columns,

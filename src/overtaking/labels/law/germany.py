@@ -1,9 +1,9 @@
 """The German rules of overtaking (StVO): an interpretation, not legal advice.
 
 The first letter of a code is the subject: G general duty, F lanes, V speed, A distance, O
-overtaking, B lamps, S lines. An s at the end marks the strict variant of a rule. Arguments such as
-`distance_rule` change no verdict: the description of the criterion (`predicate`) refers to the rule
-with this code, and states the condition itself where no code is passed.
+overtaking, B lamps, S lines. An s at the end marks the strict variant of a rule. Arguments that
+end in `_rule` change no verdict: the printed condition of the criterion refers to the rule with
+this code instead of repeating its condition.
 
 - `grade`: a breach is serious where the catalogue of fines (BKatV, annex) gives a point for it,
   very serious with two, else light. This version of the pack has one grade for each rule but V2. A

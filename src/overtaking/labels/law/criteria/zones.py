@@ -136,6 +136,7 @@ class NoOvertakingZones(Criterion):
 
     def remedies(self, breach: BreachContext) -> tuple[Remedy, ...]:
         """Overtake before or after the place, or have the target on its own side of the road."""
+        # `breach.case` has one simulation.
         target_margin = float(_target_side_finding(breach.case).margin[0])
         if target_margin < 0 and abs(target_margin - breach.margin) < SAME_MARGIN_M:
             return single_change(
@@ -229,6 +230,7 @@ class NoOvertakingSigns(Criterion):
         # A vehicle of unknown kind counts as a kind that the sign concerns: the rule then applies,
         # and is undecidable, because `kinds` is a required input.
         has_target = case.target.slot != NO_VEHICLE
+        # A target that is known to be a bicycle or a motorcycle is a two-wheeler.
         target_is_no_two_wheeler = target_may_be(case, bicycle=False) & ~_target_is_motorcycle(case)
         applies_by_sign = {
             ZoneKind.NO_OVERTAKING: target_is_no_two_wheeler & has_target,
@@ -353,6 +355,8 @@ def _target_side_finding(case: Case) -> Finding:
     if not (road.is_two_way or "road_kind" in trajectories.unknown):
         return finding_not_applicable(case.signals.num_simulations)
     frame = events.attempt
+    # The line between the directions bounds the last lane. Mirrored, positions grow to the
+    # overtaking side also in left-hand traffic.
     line = np.float32(road.overtaking_sign * road.lane_boundaries[-1])
     has_target = (case.target.slot != NO_VEHICLE) & (frame != NEVER)
     return finding_from_margins(has_target, line - target_left_edge(case), frame, frame)
@@ -386,6 +390,7 @@ def _combined_findings(findings: list[Finding]) -> Finding:
     margins = np.stack([finding.margin for finding in findings])
     min_margin = np.where(applies, margins, UNCONSTRAINED).min(axis=0)
     first_frames = np.stack([finding.first_frame for finding in findings])
+    # `finding_from_margins` ignores these frames where no check finds a breach.
     first = np.where(first_frames == NEVER, _NO_FRAME, first_frames).min(axis=0)
     last = np.stack([finding.last_frame for finding in findings]).max(axis=0)
     longest = np.stack([finding.longest_run for finding in findings]).max(axis=0)
@@ -402,8 +407,8 @@ def _zone_margin_error(
 ) -> F32:
     """Error of a position along the road, and of the return where the return decides [m].
 
-    Where the overtake ends with the return to the ego's side, and the frame of the return has the
-    margin, an error of the lateral position moves the end of the overtake.
+    Where the margin is the one of the frame in which the ego is back on its side, an error of the
+    lateral position moves this frame, and so the position along the road.
     """
     end, position_error = overtaking_span(case).last, np.float32(errors.position_std)
     decides_at_end = np.zeros(len(end), np.bool_)
