@@ -38,8 +38,8 @@ class EgoObservation(ContentEquality):
         time: Time since the start of the simulation [s]; in `overtaking.gym`, since the start of
             the present step of the environment.
         is_running: Whether each simulation runs, shape (simulation,). The observations of
-            simulations that have ended are zero; in `overtaking.gym` they keep the last values,
-            which rewards compare with those before.
+            simulations that have ended are zero. In `overtaking.gym` they keep their last values,
+            because a reward compares two successive observations.
         table: All observed values in the order of `model.driver_interface`, which is also the input
             of an ONNX file, shape (simulation, `OBSERVATION_SIZE`).
         vehicle: Parameters of the ego's vehicle and of its model driver, each of shape

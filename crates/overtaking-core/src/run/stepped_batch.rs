@@ -132,7 +132,7 @@ impl<S: Simd, const N: usize> SteppedBatch for StepGroups<S, N> {
             scenario_index: inputs.scenario_index,
             ..self.shared.clone()
         };
-        // Row in the observations of each row of the batch; `None` for a row without a new simulation.
+        // For each row of the batch, its row in the observations; `None` for a row without a new simulation.
         let mut observed_rows = vec![None; self.positions_in_group.len()];
         for (observed_row, row) in rows.iter().enumerate() {
             observed_rows[*row] = Some(observed_row);
@@ -159,7 +159,8 @@ impl<S: Simd, const N: usize> SteppedBatch for StepGroups<S, N> {
     }
 
     fn advance(&mut self, actions: &[i32], decisions: u32) -> EgoObservations {
-        // A log of one decision: the actions of this call.
+        // A log of one decision, the actions of this call. They hold for all its decisions, because decisions beyond the
+        // end of a log take the last actions in it.
         let action_log = self.action_kind.map(|kind| ActionLog {
             kind,
             values: actions,
