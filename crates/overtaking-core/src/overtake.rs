@@ -290,7 +290,7 @@ fn set_indicator<S: Simd, const N: usize>(
     assign_where(&mut state.overtake.time_indicating[slot], is_moving, zero);
 }
 
-/// End the simulation some time after the overtake, or at the deadline if none is under way.
+/// End the simulation some time after the overtake, or at the deadline without one under way.
 ///
 /// An attempt that was aborted before the deadline does not delay the end. An ego that indicates a pull-out at the
 /// deadline goes on with its attempt.

@@ -85,7 +85,7 @@ macro_rules! event_threshold_values {
         impl EventThresholdValues<'_> {
             fn thresholds(&self, num_simulations: usize) -> PyResult<EventThresholds<'_>> {
                 expect_length("min_advance", self.min_advance.len(), num_simulations)?;
-                // An error for less than two borders, those of one lane.
+                // One lane has two borders, so fewer are an error.
                 expect_length("borders", self.borders.len().max(2), self.borders.len())?;
                 Ok(EventThresholds {
                     min_advance: self.min_advance.as_slice()?,
@@ -99,7 +99,7 @@ macro_rules! event_threshold_values {
 with_event_thresholds! { event_threshold_values! }
 
 /// Borrow every array of a struct of outputs, and evaluate `$body` with `$out` over them. Macros such as
-/// `with_ego_signals!` call this one and append the fields of the struct to its first group.
+/// `with_ego_signals!` call this one, and add the fields of the struct after its first group.
 macro_rules! with_outputs {
     (
         { $name:ident, $arrays:expr, $cells:expr, |$out:ident| $body:expr }
@@ -259,8 +259,8 @@ pub fn target_signals(
     } }
 }
 
-/// Memory for one frame in which ego and target overlap: its 25 bytes lie in vectors that double when they are full,
-/// and are copied once more when the vectors of the threads are joined.
+/// Upper limit of the memory for one frame in which ego and target overlap [bytes]: its 25 bytes lie in vectors that
+/// double when they are full (up to 50), and the vectors of the threads are then joined into new ones (25 more).
 const ALONGSIDE_BYTES: usize = 96;
 
 /// For each frame in which ego and target overlap: simulation, frame, lane of the target, gap between the sides, and

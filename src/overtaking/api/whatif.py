@@ -243,7 +243,7 @@ def _titled_branches(branches: Any) -> "list[Told]":
 
     Raises:
         ConfigError: `branches` is no mapping or empty, or a value is no batch of one simulation.
-            `check_arguments` has not checked it, because `Branches` is `Any` at run time.
+            `check_arguments` does not check it, because `Branches` is `Any` at run time.
     """
     from overtaking.data.branches import Told
 

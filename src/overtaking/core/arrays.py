@@ -121,7 +121,7 @@ def _pooled_bytes(size: int, purpose: Hashable) -> NDArray[np.uint8]:
 
 
 def _take_from_pool(key: _PoolKey) -> mmap.mmap:
-    """Take memory with this key from the pool; if the pool lacks it, from the system.
+    """Take memory with this key from the pool, or from the system if the pool has no such memory.
 
     The memory is one huge page larger than the key states, because the system aligns it to small
     pages only.

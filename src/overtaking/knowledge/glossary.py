@@ -59,7 +59,7 @@ def terms(group: str) -> Mapping[str, Term]:
         A read-only mapping, cached and shared by all callers.
 
     Raises:
-        KnowledgeError: A term in the file lacks a key or has an unknown one.
+        KnowledgeError: A key of a term in the file is missing or unknown.
         KeyError: There is no such group.
     """
     return read_records(Term, "glossary.toml", group)

@@ -124,7 +124,7 @@ def read_record(cls: type[Record], file: str | Path, section: str = "") -> Recor
         An instance of `cls`.
 
     Raises:
-        KnowledgeError: A key is unknown or missing, or an entry lacks its unit or source.
+        KnowledgeError: A key is unknown or missing, or an entry has no unit or no source.
     """
     table: Any = load_toml(file)
     for part in section.split(".") if section else []:
@@ -155,7 +155,7 @@ def read_records(cls: type[Record], file: str | Path, section: str = "") -> Mapp
     Raises:
         KeyError: There is no such section: a mistake of the caller, because the files of the
             package have their sections.
-        KnowledgeError: A key is unknown or missing, or an entry lacks its unit or source.
+        KnowledgeError: A key is unknown or missing, or an entry has no unit or no source.
     """
     names = load_toml(file)[section] if section else load_toml(file)
     prefix = f"{section}." if section else ""
@@ -173,7 +173,7 @@ def all_quantities(file: str | Path) -> Mapping[str, Quantity | Distribution]:
         Dotted name, such as `T.length`, to quantity or distribution.
 
     Raises:
-        KnowledgeError: A number stands alone, or an entry lacks its unit or source.
+        KnowledgeError: A number stands alone, or an entry has no unit or no source.
     """
     return MappingProxyType(dict(_parse_entries(load_toml(file), "", Path(file).name)))
 
@@ -191,7 +191,7 @@ def numbers_below(file: str | Path, section: str) -> dict[str, dict[str, Any]]:
         such section. `analysis.reproduction` hashes it: a new rationale leaves the hash as it is.
 
     Raises:
-        KnowledgeError: A number stands alone, or an entry lacks its unit or source.
+        KnowledgeError: A number stands alone, or an entry has no unit or no source.
     """
     prefix = f"{section}."
     return {

@@ -432,7 +432,8 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
                 simulations,
                 ..
             } = &mut **block;
-            // `true`: an external driver may let its ego change lanes at any decision.
+            // `true`: an external driver may let its ego change lanes at any decision, so the search includes all its
+            // neighbours.
             perceive(state, params, context, self.step, true);
             let step = self.step as f32;
             let is_running = |lane: usize| step <= state.end_step[lane];

@@ -527,7 +527,7 @@ def ask(
             num_simulations += len(group.simulation_ids)
             if progress is not None:
                 progress(num_simulations, num_requested)
-            if len(rows) > max_rows:  # A group may have more rows than are asked for.
+            if len(rows) > max_rows:  # A group may have more rows than requested.
                 break
     return Answers(
         columns=parsed.columns,

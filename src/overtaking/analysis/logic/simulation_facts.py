@@ -127,7 +127,7 @@ def _outcomes(source: FactSource) -> FactColumns:
 @fact(EVENT_FACTS, "event", "An event of the ego's overtake.", S=SIMULATION, Event=EVENT, F=FRAME)
 def _events(source: FactSource) -> FactColumns:
     frames = np.stack([getattr(source.case.events, name) for name in EVENT_NAMES], axis=1)
-    # The order of `EVENT_NAMES` is that of the codes of `EVENT`.
+    # `EVENT_NAMES` is in the order of the codes of `EVENT`.
     simulation, event = np.nonzero(frames != NEVER)
     return source.simulation_ids[simulation], event, frames[simulation, event]
 

@@ -157,7 +157,7 @@ def _indicator_spans(source: FactSource) -> FactColumns:
     indicators = indicator_to_kerb_side(source.road), indicator_to_overtaking_side(source.road)
     parts: list[FactColumns] = []
     # In facts, right is the kerb side and left the overtaking side, also in left-hand traffic. The
-    # order is that of `vocabulary.SIDES`, so the index is the code of the side.
+    # order follows `vocabulary.SIDES`, so the index is the code of the side.
     for side_code, indicator in enumerate(indicators):
         is_lit = (source.states.lights & np.uint8(indicator)) != 0
         is_lit &= source.trajectories.state_mask

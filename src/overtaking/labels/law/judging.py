@@ -370,7 +370,7 @@ def assess_legality(
         case: The judged batch; None ignores the tolerances of the policy.
 
     Raises:
-        ConfigError: The findings lack a rule that the policy requires.
+        ConfigError: A rule that the policy requires is not among the findings.
     """
     missing = [code for code in policy.required if code not in findings.rule_codes]
     if missing:

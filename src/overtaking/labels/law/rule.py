@@ -4,7 +4,7 @@ A rule judges a `Case`, a batch of recorded simulations, and gives a `Finding`: 
 margin for each simulation. A margin is the distance from the limit of the rule, negative in a
 breach. A policy selects the rules that an overtake must not break to be legal. The study is Pinto,
 Dutra and Fonseca (2023), which this package reproduces: the policy `paper` has its rules, and the
-study's columns are those of its data.
+study's columns are the ones in its data.
 """
 
 from abc import ABC, abstractmethod

@@ -289,7 +289,7 @@ def _reaction_delay(state: State, params: StepParameters, sighting: Sighting) ->
     """Reaction delay to the oncoming vehicle, shorter where it is imminent [decisions]."""
     vehicles = params.vehicles
     own_speed, _ = state.road_velocity()
-    # The true motion now: what the driver believes depends on the delay that this function selects.
+    # The true motion now: the driver's beliefs depend on the delay that this function selects.
     # The speed `vx` of the vehicle along its own axis is nearly that along the road.
     closing_speed = own_speed + value_at_slot(state.motion.vx, sighting.slot)
     is_imminent = sighting.gap < params.constants.urgent_time * closing_speed

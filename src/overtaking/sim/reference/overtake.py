@@ -243,7 +243,7 @@ def _set_indicator(
 def _set_end_step(
     state: State, params: StepParameters, intent: Intent, next_stage: F32, step: int
 ) -> None:
-    """End the simulation some time after the overtake, or at the deadline if none is under way.
+    """End the simulation some time after the overtake, or at the deadline without one under way.
 
     An attempt that was aborted before the deadline does not delay the end. An ego that indicates a
     pull-out at the deadline goes on with its attempt.

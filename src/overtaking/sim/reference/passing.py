@@ -310,7 +310,7 @@ def line_is_solid(
     """
     # From each station on, 1 if drivers along or against the road must not cross the line, else 0.
     stations, along, against = params.road.solid_line
-    # The station is that of the road; the sign is 1 for drivers along the road, -1 for the others.
+    # The station is on the road; the sign is 1 for drivers along the road, -1 for the others.
     s, travel_sign = state.road_position(params)[0][slots], params.vehicles.travel_sign[slots]
     is_solid = np.zeros(s.shape, bool)
     for road_s in (s, s + travel_sign * distance):

@@ -472,7 +472,7 @@ def _is_imminent(state: State, params: StepParameters, neighbours: Neighbours, r
     Source:
         Markkula et al. 2016: drivers brake sooner, the more urgent the looming.
     """
-    # The true motion now: what the driver believes depends on the delay that this function selects.
+    # The true motion now: the driver's beliefs depend on the delay that this function selects.
     closing_speed = state.motion.vx - value_at_slot(state.motion.vx, neighbours.slot[LEADER])
     is_near = neighbours.gap[LEADER] < params.constants.urgent_time * closing_speed
     return (role == LEADER) & is_near

@@ -379,7 +379,7 @@ class State:
         return is_sound & (self.overtake.stage[slots] == np.float32(stage))
 
     def is_before_return(self, slots: SlotSelection) -> Mask:
-        """Whether drivers pull out or pass, and have not begun to return or abort."""
+        """Whether drivers pull out or pass, before they begin to return or abort."""
         return self.is_in_stage(Stage.PULL_OUT, slots) | self.is_in_stage(Stage.PASS, slots)
 
     def is_overtaking(self) -> Mask:

@@ -95,7 +95,7 @@ class IndicatorUse(Criterion):
         simulation, frame = (
             np.concatenate(parts) for parts in zip(*unsignalled_instants, strict=True)
         )
-        # Each crossing has a duty of its own, so a frame that lacks the indicators of both counts
+        # Each crossing has a duty of its own, so a frame without the indicators of both counts
         # twice in the margin. The frames of the breach list it once.
         num_unsignalled = np.bincount(simulation, minlength=len(crossing)).astype(np.int32)
         # `breach_frames` takes each instant once, in order, but the frames of the two crossings

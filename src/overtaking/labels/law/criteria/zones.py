@@ -175,7 +175,7 @@ class NoOvertakingSigns(Criterion):
         exempts_two_wheelers: Whether the sign for heavy vehicles, like the general sign, permits
             overtaking bicycles and motorcycles.
         is_undecidable_without_zones: Whether an overtake on a road without zones is undecidable
-            where the posted speed limit is unknown: a recording without it may lack the signs too.
+            where the posted speed limit is unknown: such a recording may have no signs either.
     """
 
     has_sign_for_motorcycles: bool = False
