@@ -123,7 +123,8 @@ macro_rules! with_outputs {
 ///     constants: As in `Inputs`.
 ///     signals: Arrays of shape (simulation, time) or (simulation, 6, time) by name; filled. The 6
 ///         are the `NeighbourRole`s.
-///     zero_from: Frame from which on these arrays are zero, shape (simulation,); read and updated.
+///     zero_from: Frame from which on each row of these arrays holds zeros, shape (simulation,);
+///         only earlier frames are cleared. Updated.
 ///     events: A row for each of `FIELD_NAMES["events"]`; filled.
 ///     level: SIMD level; None for the best of this CPU.
 ///
