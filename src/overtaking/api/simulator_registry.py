@@ -98,7 +98,7 @@ def get_simulator(name: str) -> Simulator:
             simulate=module.simulate,
             # The other simulators have one world per process, so they keep the default: one thread.
             threads=os.cpu_count() or 1,
-            # Data sets that did not store positions call it to compute them again.
+            # A data set that stored the actions of a driver but no positions computes them with it.
             replay=partial(replay_actions, simulator=name),
         )
     return Simulator(

@@ -299,8 +299,11 @@ class Move(IntEnum):
     """A choice of the ego's driver at a decision. A move that is impossible has no effect."""
 
     KEEP = 0
-    """Stay in the lane, or complete the lane change. In the lane, `time_indicating` counts
-    down; the indicator goes off at 0, so that a brief hesitation does not switch it off."""
+    """Stay in the lane, or complete the lane change.
+
+    In the lane, an indicator that is on stays on for a while, so that a brief hesitation does not
+    switch it off: `time_indicating`, which counts up while the driver indicates, now counts down,
+    and the indicator goes off at 0."""
     INDICATE_PULL_OUT = 1
     """Indicate a lane change to the overtaking side."""
     PULL_OUT = 2

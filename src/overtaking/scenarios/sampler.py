@@ -101,8 +101,8 @@ class ScenarioSource:
             ConfigError: The seed or an index is out of range, or the specification does not fit
                 the road.
             InfeasibleError: Placed traffic has too many vehicles for its zone, or a vehicle type
-                too slow for its lowest speed; or the traffic of a motorway is so dense that the
-                vehicles of a simulation fill a shorter road than the ego can see.
+                too slow for its lowest speed; or the traffic of a motorway is so dense that
+                the ego would see where it ends: a simulation has at most `MAX_VEHICLES` vehicles.
         """
         indices = _checked_indices(scenario_index)
         seed = check_whole_number(self.seed, 0, MAX_SEED, what="seed", where="sample")
@@ -294,7 +294,7 @@ def _start_states(section: StartsSection, start: TrafficStart, scenario: Scenari
         lane=start.lane,
         s=states.s,
         speed=states.speed,
-        kept_gap_share=start.kept_gap_share,
+        kept_gap_share=start.kept_gap_share,  # Of the drawn gap behind, when a vehicle moves back.
     )
     limits = _follower_limits(start, scenario, states.speed)
     return repair_starts(drawn, limits, section, start.zone, road_speeds)

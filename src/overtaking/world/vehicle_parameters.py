@@ -140,7 +140,7 @@ def moment_angle(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
 
 
 def side_lag(vehicles: VehicleSpecs, constants: ModelConstants) -> F32:
-    """Time constant of the tyres' side force over the speed: m / (C_f + C_r) with the mass m.
+    """Time constant of the tyres' side force for each m/s of speed: m / (C_f + C_r), mass m.
 
     Args:
         vehicles: Bodies, shape (simulation, vehicle).
