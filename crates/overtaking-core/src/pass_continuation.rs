@@ -308,8 +308,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let time = self.time_to_pass(distance, &speeds)
             + self.time_to_move_over()
             + constants.urgent_return_margin;
-        // As before it pulls out, the driver also assumes an oncoming vehicle where the road is hidden, at the usual
-        // speed.
+        // The driver also assumes an oncoming vehicle where the road is hidden. Without a detected vehicle,
+        // `oncoming.closing_speed` is the closing speed of a vehicle at the usual speed.
         let would_be_late =
             assumed_oncoming_gap(vehicle, oncoming).simd_lt(time * oncoming.closing_speed);
         // The acceleration that just avoids a contact, if the next vehicle keeps its speed.

@@ -440,7 +440,7 @@ def _check_sums(tree: Any) -> None:
                 # clingo sums the first term; the others only distinguish the summed elements.
                 low, high = term_range(element.terms[0], ranges) if element.terms else (0, 0)
                 if max(-low, high) > _MAX_SUMMED_VALUE:
-                    expected = f"sums of numbers up to {_MAX_SUMMED_VALUE}, as of #count"
+                    expected = f"sums of numbers up to {_MAX_SUMMED_VALUE}"
                     raise query_error(str(part), expected)
 
 

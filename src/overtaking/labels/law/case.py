@@ -191,9 +191,9 @@ def opposing_lane_span(case: Case) -> FrameSpan:
     never = np.full(len(span.first), NEVER)
     if not road.is_two_way:
         return FrameSpan(first=never + np.int32(1), last=never)  # Empty.
-    # `left_edge` is positive towards the overtaking side, which in left-hand traffic is the right.
-    # `lane_boundaries` are positive towards the left in both; the sign, -1 in left-hand traffic,
-    # converts them.
+    # The last boundary of the lanes is the line between the directions. `lane_boundaries` are
+    # positive towards the left, `left_edge` towards the overtaking side, which in left-hand traffic
+    # is the right: the sign, -1 there, converts the boundary.
     line = np.float32(road.overtaking_sign * road.lane_boundaries[-1]) + LINE_TOLERANCE.f32
     rows = np.flatnonzero(span.is_nonempty)
     # `breach_frames_in` finds the first and last frame of any condition; to be over the line is not

@@ -327,8 +327,8 @@ def _must_return_before_next(
     speeds = PassingSpeeds(passer=speed, target=speed - closing_speed, closing=closing_speed)
     time = time_to_pass(constants, vehicles, distance, speeds)
     time = time + _time_to_move_over(params) + constants.urgent_return_margin
-    # As before it pulls out, the driver also assumes an oncoming vehicle where the road is hidden,
-    # at the usual speed.
+    # The driver also assumes an oncoming vehicle where the road is hidden. Without a detected
+    # vehicle, `oncoming.closing_speed` is the closing speed of a vehicle at the usual speed.
     oncoming_gap = assumed_oncoming_gap(vehicles, oncoming.believed_gap, oncoming.sight_distance)
     would_be_late = oncoming_gap < time * oncoming.closing_speed
     next_vehicle = Leader(gap=gap, closing_speed=closing_speed)

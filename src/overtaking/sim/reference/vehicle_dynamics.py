@@ -209,9 +209,10 @@ def _mid_step(
 def _axles(state: State, params: StepParameters, force: F32, mid: MidStep) -> Axles:
     """Loads and forces of both axles for a requested force [N].
 
-    The loads follow the acceleration of this step, which depends on the loads. An estimate of the
-    acceleration takes their place: the requested force, limited by friction under the loads of the
-    last step, minus resistance and the backward part of the side force at the turned front wheels.
+    The loads depend on the acceleration of this step, which depends on the loads. They are computed
+    from an estimate of the acceleration: the requested force, limited by friction under the loads
+    of the last step, minus resistance and the backward part of the side force at the turned front
+    wheels.
 
     Source:
         The single-track model with load transfer of Althoff, Koschi and Manzinger (CommonRoad).
