@@ -233,8 +233,9 @@ def atomic_folder(out: Path) -> Generator[Path]:
         yield folder
         if out.is_dir():
             out.rmdir()  # Windows does not replace an empty folder.
+        fsync_folder(folder)  # The names of its files.
         folder.rename(out)
-        fsync_folder(out.parent)
+        fsync_folder(out.parent)  # Its new name.
     finally:
         shutil.rmtree(folder, ignore_errors=True)  # After success the folder has its final name.
 

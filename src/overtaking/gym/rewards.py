@@ -38,8 +38,8 @@ class StepOutcome:
     the judgement of the whole simulation after the end: its outcome and its breaches of the law.
 
     Attributes:
-        seconds: Duration of the step [s]; shorter if the simulation ended within it. An accident
-            ends the simulation two seconds later.
+        seconds: Duration of the step [s]; shorter if the simulation ended within it, as it does
+            two seconds after an accident.
         terminated: The ego has had an accident, or its overtake is over.
         truncated: The simulated time has reached its end (the horizon), or the deadline by which
             an overtake has to begin.

@@ -96,10 +96,10 @@ class FieldSpec:
         axes: Axes of the array; None for the axes of its class (`Batch.AXES`).
         column: Name of the column; None for a field that is not written.
         null_unless: Dotted path of another field, the condition of this column. The column is null
-            where that field has its own `missing` value or, if it declares none, is false or 0. A
-            path that begins with a dot starts at the batch of this field (".has_oncoming"). Any
-            other path starts at the batch whose rows the table holds ("leader.encounter.valid").
-            Empty if the column has no condition.
+            where that field is missing: equal to the value that it declares as `missing`, or false
+            or 0 if it declares no such value. A path that begins with a dot starts at the batch of
+            this field (".has_oncoming"). Any other path starts at the batch whose rows the table
+            holds ("leader.encounter.valid"). Empty if the column has no condition.
         needs: Properties of the traffic, such as "weather", without which this value is unknown.
             The column is null for recordings of real traffic that do not state all of them;
             `model.trajectories.UNKNOWNS` has all names.

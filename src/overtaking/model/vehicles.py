@@ -174,7 +174,8 @@ class VehicleSpecs(Batch):
     wind_side_coefficient: Annotated[
         F32, FieldSpec("Side force over wind pressure and side area", "1", 0.0, 5.0)
     ]
-    # Distance of that centre ahead of the middle between the axles, over the wheelbase.
+    # Distance of the centre of wind pressure ahead of the middle between the axles, over the
+    # wheelbase.
     wind_centre_ratio: Annotated[
         F32,
         FieldSpec("Centre of wind pressure ahead of mid-wheelbase, per wheelbase", "1", -2.0, 2.0),

@@ -224,7 +224,8 @@ def _ego_lanes(spec: Specification, traffic: PlacedTraffic, road: Road) -> tuple
 def _check_speeds(spec: Specification, traffic: PlacedTraffic) -> None:
     """Raise InfeasibleError if a vehicle class cannot reach the lowest speed of a range.
 
-    Bicycles pass, because `with_able_bicycles` gives them any speed.
+    Bicycles pass: `top_speeds` is infinite for them, because `with_able_bicycles` gives them any
+    speed.
     """
     for key, low_kmh, weights in (
         ("speed_kmh", traffic.speed_kmh[0], traffic.types),
@@ -292,6 +293,7 @@ def _put_leader_ahead_of_ego(stations: list[F32], lanes: list[U8], valid: list[M
 
     The ego gets the smaller and the leader the larger of their two stations. Each vehicle between
     them in their lane exchanges stations with the leader, which thereby comes nearer to the ego.
+    The leader always exists: a simulation has at least two vehicles.
 
     Args:
         stations: For each slot the stations, shape (simulation,) [m].
