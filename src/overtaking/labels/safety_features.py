@@ -350,7 +350,7 @@ def oncoming_measures(case: Case) -> PassingSafety:
 def _no_measures(num_simulations: int) -> PassingSafety:
     """The measures on a one-way road: NaN, and false for flags.
 
-    Tables show the others as null, because `was_in_opposing_lane` is false.
+    Where `was_in_opposing_lane` is false, the other measures are undefined, and null in tables.
     """
     columns: dict[str, Any] = {
         name: np.full(num_simulations, False if field.is_flag else _NAN)

@@ -113,8 +113,9 @@ def _spacing_to(source: FactSource, role_code: int) -> FactColumns:
     """`spacing` to the vehicle in one role, a code of `ROLE`.
 
     Article 18(1) of the Portuguese Highway Code requires the gap of the rear vehicle: of the ego
-    behind a leader, of a follower behind the ego. The target is taken as the rear vehicle, because
-    the program reads its lawful gap only after the ego has passed it (rule L9).
+    behind a leader, of a follower behind the ego. The target is taken as the rear vehicle in all
+    frames, because the program reads its lawful gap only after the ego has passed it (rule L9), and
+    its closing speed never. Its gap is the gap between the bumpers, whichever vehicle is ahead.
 
     Rounding keeps `gap < lawful` true or false as it is for the unrounded gaps.
     """

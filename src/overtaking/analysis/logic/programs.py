@@ -396,9 +396,6 @@ def possible_constants() -> dict[ArgumentPosition, frozenset[str]]:
     return constants
 
 
-atexit.register(possible_constants.cache_clear)
-
-
 def _constants_of_facts() -> dict[ArgumentPosition, frozenset[str]]:
     """`possible_constants` of facts; empty sets for predicates that only rules conclude."""
     constants = {

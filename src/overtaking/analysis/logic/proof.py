@@ -196,6 +196,8 @@ class _Derivation:
             body = [_ground_atom(premise) for premise in premises]
             instance = _Instance(index, body, values)
             self._instances.setdefault(_ground_atom(head), []).append(instance)
+        # The values are in the order of the variables in the body. The rule for `illegal` begins it
+        # with `breach(S,R,F)`, in which only the frame F varies: the smallest comes first.
         for instances in self._instances.values():
             instances.sort(
                 key=lambda instance: (

@@ -101,7 +101,8 @@ _MAX_SUGGESTIONS, _MIN_SIMILARITY = 3, 0.5
 _MAX_SUMMED_VALUE = 2000
 """Largest value that a query may sum.
 
-A sum of a million such values, one in each frame (`vocabulary.MAX_FRAME`), stays within 32 bits.
+A sum of a million such values, one in each frame (`vocabulary.MAX_FRAME`), stays within 32 bits. A
+sum over the frames of several vehicles or simulations may still leave them.
 """
 
 
@@ -519,7 +520,7 @@ def ask(
             frame_interval_ms = group.case.signals.frame_interval_ms
             # A pool is a short way to write several facts, `night(3;7)`. Each fact names its
             # simulation, so atoms that share the variable `S` are about one simulation. Atoms with
-            # different variables combine the simulations of one group.
+            # different variables combine only simulations of the same group.
             facts = pooled_facts(group, parsed.requested_facts, frame_step)
             group_rows = _solve_group(reasoner, facts)
             bytes_left = remaining_answer_bytes(bytes_left, group_rows, "ask", memory_mib)
@@ -527,7 +528,7 @@ def ask(
             num_simulations += len(group.simulation_ids)
             if progress is not None:
                 progress(num_simulations, num_requested)
-            if len(rows) > max_rows:  # A group may have more rows than requested.
+            if len(rows) > max_rows:  # The reasoner returns up to `max_rows + 1` rows of a group.
                 break
     return Answers(
         columns=parsed.columns,

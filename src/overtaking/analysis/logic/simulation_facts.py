@@ -152,5 +152,6 @@ def _targets(source: FactSource) -> FactColumns:
     Lane=LANE,
 )
 def _original_lanes(source: FactSource) -> FactColumns:
-    # As a signed integer, code 255, beyond the slow edge, is lane -1.
+    # Without an overtake it is the lane of the first frame. As a signed integer, code 255, beyond
+    # the slow edge, is lane -1.
     return source.simulation_ids, source.case.events.original_lane.astype(np.uint8).view(np.int8)

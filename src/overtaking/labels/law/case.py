@@ -165,8 +165,9 @@ def scans(case: Case) -> ScanResults:
     events = case.events
     # The engine sums over the span "summed". The reproduced paper (Pinto, Dutra and Fonseca, 2023)
     # describes a simulation without an attempt by means over its frames, and one with an attempt by
-    # a single frame, so the span is then empty. Departures and spins, which the paper's classes do
-    # not name, do not end the span.
+    # a single frame, so the span is then empty. By choice it begins at frame 0 and includes the
+    # frame of a collision. Departures and spins, which the paper's classes do not name, do not end
+    # it.
     last_summed = np.where(events.collision == NEVER, events.last, events.collision)
     last_summed = np.where(events.has_attempt, NEVER, last_summed).astype(np.int32)
     # The keys are the engine's names of its input spans, `_core.FIELD_NAMES["spans"]`.
@@ -421,8 +422,9 @@ def assumed_oncoming_speed(case: Case, frame: I32) -> F32:
     highest = road.speed_limit_at(near, -1)
     sections = road.course.speed_limits_for(-1) if road.course else ()
     section_ends = {end for section in sections for end in (section.start, section.stop)}
-    # Limits change only where a section begins or ends. The end of the road is left out: no section
-    # holds that station, so `speed_limit_at` returns the higher limit outside all sections there.
+    # Limits change only where a section begins or ends. The end of the road is left out: a section
+    # that ends there does not include this station, so `speed_limit_at` would return the higher
+    # limit outside all sections.
     for station in section_ends - {road.length}:
         is_in_sight = (near < station) & (station <= far)
         limit = np.maximum(highest, road.speed_limit_at(station, -1))

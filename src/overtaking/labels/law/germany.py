@@ -122,6 +122,7 @@ V1 = Rule(
     article="§ 3(1) sentence 4 StVO",
     title="Stop in the visible space",
     gloss="Drive only so fast that one can stop within the way that one overlooks.",
+    # Leaders do not count here; the printed condition names A1 as the rule for them.
     criterion=StoppingSightDistance(safe_distance_rule="A1"),
     grade=Grade.SERIOUS,
     required_by=ALL_BUT_STRICT,
@@ -669,5 +670,5 @@ GERMANY = Pack(
     "read on 23 November 2026; fines by the Punktekatalog of the Kraftfahrt-Bundesamt (overtaking)",
     severities="the catalogue of fines and points: light without a point, serious with one, very "
     "serious with two",
-    accepts_unread_articles=False,
+    accepts_unread_articles=False,  # So G1 and F2, known from quotations alone, are undecidable.
 )

@@ -22,8 +22,9 @@ from overtaking.model.trajectories import ManoeuvreKind, PerceivedVehicle
 from overtaking.model.verdicts import Case, Finding
 
 EVERY_POLICY = frozenset(["paper", "default", "strict", "serious", "enforced"])
-"""All policies, for rules that the study's columns suffice to decide, and for rules of other laws
-that count as equally important. `serious` and `enforced` count fewer breaches than the others."""
+"""All policies. They require the rules that the study's columns suffice to decide and, by choice,
+rules of other laws that we consider as important as these. `serious` and `enforced` count fewer
+breaches than the others."""
 
 DEFAULT_AND_STRICTER = EVERY_POLICY - {"paper"}
 """All policies but `paper`, for rules that need more than the study's columns."""
@@ -149,7 +150,7 @@ class Criterion(ABC):
         return None
 
     def limit(self, case: Case) -> F32 | None:
-        """Limit of the measured value, for policies that tolerate a share of it.
+        """Limit of the measured value, for policies that tolerate a share of the measured value.
 
         Returns:
             Shape (simulation,), in the unit of the margin; None if no policy tolerates a share.
@@ -161,8 +162,8 @@ class Criterion(ABC):
         """Alternative changes, each sufficient to keep the rule, all else unchanged.
 
         Returns:
-            The largest change of the first remedy is as large as the margin. Empty where no change
-            is known.
+            Where the first remedy changes the measured value, in the unit of the margin, its
+            largest change must be as large as the margin. Empty where no change is known.
         """
         del breach
         return ()

@@ -61,8 +61,7 @@ def decel_for_safe_distance(friction: F32) -> F32:
 def decel_with_all_grip(friction: F32) -> F32:
     """Deceleration with all usable friction, for rules about sight [m/s^2].
 
-    A choice: `MAX_DECEL` limits only the safe distance. As a limit here it would matter on roads
-    with a friction above 0.9.
+    A choice: it may exceed `MAX_DECEL`, 8 m/s^2, as 0.9 mu g does for a friction mu above 0.9.
 
     Args:
         friction: Peak friction under the ego [1].

@@ -33,10 +33,10 @@ Scans: `scans(case)` holds results of the compiled engine, computed once for eac
     `following` and `forced_braking` are minima of margins, with the frames of the breach;
     `return_opportunity` is a first frame and a number of frames.
 Belief: a percept holds the gap to a vehicle and the closing speed at a decision, as the driver saw
-    them and as they were. `conditions` maps each perceived vehicle to the function that computes
-    its margin; `belief_at` calls it with the believed and with the true values. The result is
+    them and as they were. `belief_at` computes the margin of each perceived vehicle from the
+    believed and from the true values; its argument `conditions` has the functions. The result is
     `Finding.belief`; the verdict depends on the true motion alone. `believed_margins` gives
-    explanations the same margins.
+    explanations the same functions.
 Errors: in `ERROR_FORMULA`, sp and sv are the standard deviations of a position and of a speed, v
     and u are the speeds of the vehicles behind and ahead, dv is the closing speed, t the reaction
     time and b the deceleration of the safe distance. A number of the law appears under the name of
@@ -45,12 +45,12 @@ Errors: in `ERROR_FORMULA`, sp and sv are the standard deviations of a position 
     The errors of a vehicle are the same in all frames. A class without `standard_error` has a
     margin that these errors do not change, such as a range of sight or a lateral speed, or a margin
     whose error is neglected.
-    `deciding_frame` searches the whole span for the margin of the finding, also the frames that
-    `check` leaves out. Such a frame can have the same margin only by chance. Where margins are
-    capped, several frames may have the cap as their margin.
+    `deciding_frame` finds the first frame of the span with the margin of the finding. It may
+    also search frames that a rule exempts, such as those just after a cut-in: only by chance do
+    they have this margin.
 Lanes: lane 0 is the slowest, and indices grow to the left, the overtaking side. In left-hand
     traffic the world is mirrored, so left and right keep these meanings.
 Float32: `minimum` and `maximum` of `core.float32_math` return the second value where one is NaN or
-    both are zeros of different sign. So does the engine, and results here must have the same bits;
-    NumPy's functions may return the other value.
+    both are zeros of different sign. So does the engine, and where both compute a result, it must
+    have the same bits; NumPy's functions may return the other value.
 """

@@ -408,7 +408,7 @@ class GapToReturnInto(Criterion):
         return frozenset(["weather"])
 
     def predicate(self) -> str:
-        """The gap, and its smallest lawful length."""
+        """The gap, and its smallest lawful length for an ego at the speed of the leader."""
         return (
             "On two-way roads, as the line between the directions is crossed: the gap ahead of the "
             "foremost vehicle that the ego will pass, or of the target, if a vehicle drives less "

@@ -311,10 +311,11 @@ def _end_error(case: Case, errors: MeasurementErrors) -> F32:
     # `end_frame` and the frame before it must exist. Where they did not, the result is dropped.
     end_frame = np.maximum(np.minimum(end_frame, case.events.last), 1)
     # `gap_in_right_lane` is the gap beyond the distances that a return needs [m].
-    gap_lost = gap_in_right_lane(case, end_frame - 1) - gap_in_right_lane(case, end_frame)
+    gap_change = gap_in_right_lane(case, end_frame) - gap_in_right_lane(case, end_frame - 1)
     frame_duration = seconds_of(case, np.ones_like(end_frame))
-    loss_rate = np.maximum(np.abs(gap_lost) / frame_duration, MIN_RATE_OF_CHANGE)
-    error = _gap_in_right_lane_error(case, end_frame, errors) / loss_rate
+    # Where the opportunity ends for another reason, such as a nearer target, the gap may also grow.
+    rate_of_change = np.maximum(np.abs(gap_change) / frame_duration, MIN_RATE_OF_CHANGE)
+    error = _gap_in_right_lane_error(case, end_frame, errors) / rate_of_change
     return np.where(ends_within_span, error, np.float32(0.0))
 
 
@@ -415,8 +416,8 @@ def _error_between_neighbours(
 
     Args:
         margin: The margin from an error of the ego's speed [m/s] and the two vehicles.
-        first: The vehicle whose square is added before the square of `second`; another order could
-            change the last bits of the result.
+        first: One of the two vehicles; its square is added before the square of `second`. The order
+            affects at most the last bits of the result.
         second: The other vehicle.
         errors: Standard deviations of positions and speeds.
         is_first_ahead: Whether `first` is ahead of the ego and `second` behind it.

@@ -212,7 +212,8 @@ class GapBehind(Criterion):
         gap, closing_speed = gap_and_closing_speed(breach, neighbour, frames)
         follower_speed = case.signals.speed[0, frames] + closing_speed
         decel = decel_for_safe_distance(case.signals.friction[0, frames])
-        # Overlapping vehicles have a negative gap, which has no square root; no speed mends this.
+        # At this speed the gap is lawful and the follower need not brake abruptly. Overlapping
+        # vehicles have a negative gap, which has no square root; no speed mends this.
         needed = min_speed_before_follower(np.maximum(gap, 0), follower_speed, decel)[0]
         # Where a sign or a kind is unknown, the highest limit that may hold counts.
         _, highest_limit = speed_limit_bounds(case, self.general_limits)
@@ -444,8 +445,8 @@ class NoOtherOvertaking(Criterion):
         has_begun = self._has_begun_to_pull_out(case, others, is_follower)
         arrival = self._first_arrival(case, others, is_left_follower)
         arrival = np.where(has_begun, np.float32(0.0), arrival)
-        # Where no follower moves left, a follower with unknown indicators may still indicate, so a
-        # kept rule is in doubt. `finding_at_frame` decides doubtful breaches all the same.
+        # A follower with unknown indicators may indicate, which would break a kept rule. A broken
+        # rule stays broken: `finding_at_frame` ignores the doubt in a breach.
         is_doubtful = np.any(is_follower, axis=1) & ("indicators" in case.trajectories.unknown)
         # The arrays have a row for each attempt; `to_batch` puts them into the rows of the batch.
         to_batch = partial(scatter, simulations=has_attempt, num_simulations=len(has_attempt))
@@ -665,7 +666,7 @@ def _lateral_noise(
         weight * values for weight, (values, _) in zip(_THIRD_DIFFERENCE, windows, strict=True)
     )
     is_complete = np.logical_and.reduce([is_inside for _, is_inside in windows])
-    # Without four frames in a row the noise is 0. The track around the frame then has at most three
-    # frames, so a longer window would find no more of them.
+    # Without four recorded frames in a row the noise is 0, which selects the shortest window; too
+    # few frames are recorded for a longer one.
     squares = np.where(is_complete, third_difference**2, 0.0).sum(axis=1)
     return np.sqrt(squares / np.maximum(is_complete.sum(axis=1), 1) / (_THIRD_DIFFERENCE**2).sum())

@@ -67,6 +67,7 @@ _ALWAYS_FORBIDDEN = (ZoneKind.PEDESTRIAN_CROSSING, ZoneKind.NARROW)
 _WHILE_OVERTAKING = "From line_crossed until the target is passed and the ego back on its side"
 
 _ERROR_FORMULA = "sp; where the ego is back decides, sqrt(sp^2 + (v sp / speed across the road)^2)"
+"""The second term counts if the margin is measured where the ego is back on its side."""
 
 _APPROACH_LENGTH = quantity(
     50.0, "m", why="A choice for 'immediately before'; a car at 60 km/h stops within it"
@@ -107,7 +108,7 @@ class NoOvertakingZones(Criterion):
         return frozenset(["road_kind"])
 
     def predicate(self) -> str:
-        """The places, and the target that overtakes."""
+        """The places, whose kinds the gloss of the rule names, and the target that overtakes."""
         return (
             f"{_WHILE_OVERTAKING}: the ego's front is in no such place of the road, nor "
             f"{self.approach_length} or less before a crossing or junction. On two-way roads, "
