@@ -705,15 +705,16 @@ def scan_spans(
     Args:
         recording: As in `ego_signals_and_events`.
         signals: As in `target_signals`.
-        spans: First and last frame, flat (span, end, simulation).
-        moments: Two frames (-1: no event), a slot (255: no vehicle) and a lane, flat (moment,
-            simulation), in the order of `FIELD_NAMES["moments"]`.
+        spans: First and last frame, flat (span, end, simulation); cut to the recorded frames.
+        moments: The frames in which the line is crossed and the return ends (-1: no event), the
+            slot of the target (255: no vehicle) and its original lane, flat (moment, simulation).
         law: Numbers of the law, as `labels.law.margins` makes them.
         outputs: measures, frames and sums, each with a row for each of its names; filled.
         level: As in `ego_signals_and_events`.
 
     Raises:
-        ValueError: As in `ego_signals_and_events`, or a frame or a slot does not exist.
+        ValueError: As in `ego_signals_and_events`, or a frame or a slot of `moments` does not
+            exist.
     """
 
 def simd_levels() -> list[tuple[str, bool]]:

@@ -165,9 +165,10 @@ fn iidm_accel<S: Simd>(
         leader.closing_speed,
     ) / at_least(leader.gap, constants.min_effective_gap);
     let speed_ratio = follower.speed / follower.desired_speed;
-    // The exponents, 4 below the desired speed and 4 a / b (`overspeed_exponent`) above it, give both branches the same
-    // slope there. `following.free_exponent` in `model.toml` sets only the second exponent: change the fourth power
-    // here together with it. Other powers are exp(exponent * log(base)), with the same bits on every machine.
+    // Below the desired speed the exponent is 4, above it `overspeed_exponent`, which is `following.free_exponent`
+    // (`model.toml`) times a / b. As `free_exponent` is 4 as well, both branches have the same slope at the desired
+    // speed: change the two numbers together. Other powers are exp(exponent * log(base)), with the same bits on
+    // every machine.
     let square = speed_ratio * speed_ratio;
     let free_accel_below = vehicle.accel * (one - square * square);
     let interaction = vehicle.accel * (one - z * z);

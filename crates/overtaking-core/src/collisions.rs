@@ -187,7 +187,7 @@ pub fn wreck_off_road_vehicles<S: Simd, const N: usize>(
 
 /// End simulations `after_collision` [s] after `step`, at which their ego has crashed.
 ///
-/// In a simulation that another simulator moves, `step` may be before the first decision and so negative.
+/// `step` is negative for a crash before the first decision, which `external_motion` reports.
 #[inline(always)]
 pub(crate) fn end_after_ego_accident<S: Simd, const N: usize>(
     state: &mut State<S, N>,
@@ -306,8 +306,8 @@ fn find_impact<S: Simd, const N: usize>(
     let b = vehicle_2.box_at(swept, remaining, frame);
     let overlap = swept_overlap(&a, &b, start_offset, end_offset);
     let enter = clamp_to(overlap.enter, 0.0, 1.0);
-    // Levers with the positions at the time of contact, and with the headings of the second sweep, which gave this
-    // time: levers at any other time would create spin.
+    // The boxes as they touch in the second sweep: its headings, which stay those at `time`, and the positions at its
+    // contact, `enter`. Levers of any other boxes would create spin.
     let remaining = RemainingStep {
         share: 1.0 - enter,
         time,

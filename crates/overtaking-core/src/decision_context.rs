@@ -25,8 +25,7 @@ pub struct DriverContext<S: Simd> {
     pub beliefs: Beliefs<S>,
     /// Vehicles of the other direction.
     ///
-    /// On one-way roads it keeps the values of `empty`. A context never serves both kinds of road, because all blocks
-    /// that share it are on the same road.
+    /// On one-way roads it keeps the values of `empty`: all blocks that use the context in turn are on the same road.
     pub oncoming: OncomingTraffic<S>,
     /// Whether the driver checks mirrors and adjacent lanes at this decision.
     pub checks_mirrors: Mask<S>,

@@ -177,6 +177,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let is_near_centre = (state.motion.d[slot] - centre)
             .abs()
             .simd_lt(params.constants.settled_offset);
+        // `has_finished_lane_change` is true at every decision at which no lane change is under way.
         let is_back_in_lane = intent.has_finished_lane_change & is_near_centre;
         let has_pulled_out = self.is_in_stage(stage::PULL_OUT) & intent.has_finished_lane_change;
         // A return ahead of the target completes the overtake, a return behind it aborts it. An external driver may

@@ -255,6 +255,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     /// vehicle ahead, because braking takes effect late.
     #[inline(always)]
     fn fits_after_braking(self, context: &DriverContext<S>, motion: &RelativeMotion<S>) -> Mask<S> {
+        // The lead over the target is the true one, as the gaps in `return_space`: a choice.
         let TargetLead { now, needed } = motion.target_lead;
         let lead_after_braking = now - self.distance_gained_while_braking(motion.closing_speed);
         // The leader in the own lane may be another vehicle, if the target has pulled out itself. `steady_leader` is

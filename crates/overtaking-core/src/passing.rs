@@ -213,7 +213,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         };
         let gaining_time = self.time_to_pass(distance, &speeds);
         let time = vehicle.passing_time_factor * (gaining_time + vehicle.lane_change_duration);
-        // The closing speed now is too low: on average over the pass the driver is faster by half of its gain in speed.
+        // The closing speed now, without a detected vehicle that of one at the usual speed, is too low: on average over
+        // the pass the driver is faster by half of its gain in speed.
         let closing_speed = oncoming.closing_speed + 0.5 * at_least(passing_speed - speed, 0.0);
         let reserve =
             vehicle.time_reserve_share * at_least(patience_left, constants.min_time_reserve_share);
@@ -247,7 +248,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         let mut gap = splat(params.simd, FAR);
         for j in (0..params.num_slots_in_use).filter(|j| *j != self.slot) {
             let vehicle = &params.vehicles[j];
-            // Stations grow in each vehicle's direction of travel.
+            // Stations grow in each vehicle's direction of travel. No vehicle is ahead of its own centre; the
+            // comparison of slots changes nothing.
             let is_ahead = vehicle.valid.simd_gt(0.0)
                 & vehicle.travel_sign.simd_eq(self.vehicle().travel_sign)
                 & s[j].simd_gt(centre)
@@ -272,7 +274,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
             is_solid_along,
             is_solid_against,
         } = &params.road.directions.line_marks;
-        // The sign is 1 along the road and -1 against it; `s` is the station of the road for both directions.
+        // Lines have stations of the road, which `road_position` gives; `motion.s` grows in each vehicle's direction of
+        // travel. The sign is 1 along the road and -1 against it.
         let is_against_road = travel_sign.simd_lt(0.0);
         let (s, _) = self.road_position();
         let places = [s, s + travel_sign * distance];

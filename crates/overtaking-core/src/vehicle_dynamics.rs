@@ -244,17 +244,18 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
 
     /// Loads and forces of both axles for a requested force [N].
     ///
-    /// The loads follow the acceleration of this step, which depends on the loads. An estimate of the acceleration
-    /// takes their place: the requested force, limited by friction under the loads of the last step, minus resistance
-    /// and the backward part of the side force at the turned front wheels.
+    /// The loads depend on the acceleration of this step, which depends on the loads. They are computed from an
+    /// estimate of the acceleration: the requested force, limited by friction under the loads of the last step, minus
+    /// resistance and the backward part of the side force at the turned front wheels.
     #[inline(always)]
     fn axles(self, force: F32<S>, mid: &MidStep<'_, S>) -> Axles<S> {
         let (state, params, slot) = (self.state, self.params, self.slot);
         let (constants, vehicle) = (&params.constants, self.vehicle());
         let is_two_wheeler = vehicle.two_wheeler.simd_gt(0.0);
         let brakes = force.simd_lt(0.0);
-        // The acceleration of the last step contains the pull of the slope, an error that affects the estimate only
-        // where friction limits the force, and in `steering_loss`.
+        // The acceleration of the last step contains the pull of the slope, which should not count (see below). This
+        // error reaches the estimate by `steering_loss`, and where friction limits the force of an axle. Unlimited,
+        // both forces add up to `force` at any load.
         let front_load_share = self.front_load_share(state.motion.accel_lon[slot]);
         // `front_drive` is the share of the engine's force at the front axle.
         let front_force_share = select(brakes, front_load_share, vehicle.front_drive);
@@ -507,7 +508,8 @@ pub fn update_position<S: Simd, const N: usize, const VARIES: bool>(
     let mut sliding_velocity = (along, across);
     if VARIES {
         // The new speed along the road depends on this turn, so the mean speed is extrapolated instead. The angle to
-        // the road is neglected in it.
+        // the road is neglected in it. `curvature` belongs to the vehicle's path along the road, positive to the
+        // left.
         let road_turn = step_length.length
             * (state.road.curvature[slot] * (along + step_length.half * motion.accel_lon[slot]));
         motion.heading[slot] -= road_turn;

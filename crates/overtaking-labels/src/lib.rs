@@ -11,7 +11,7 @@
 //! |---|---|
 //! | a recording as slices | [`PackedRecording`], `frame_block` |
 //! | signals of each frame | `ego_signals`, `neighbour_signals` |
-//! | one simulation | `track` |
+//! | access to the states and signals of one simulation | `track` |
 //! | movements across the road, and the events that they make | `lateral_movements`, `events` |
 //! | margins and measures over spans of frames | `span_scans`, `gap_duties`, `safety_measures`, `limit_margins` |
 

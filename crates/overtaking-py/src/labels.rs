@@ -85,7 +85,7 @@ macro_rules! event_threshold_values {
         impl EventThresholdValues<'_> {
             fn thresholds(&self, num_simulations: usize) -> PyResult<EventThresholds<'_>> {
                 expect_length("min_advance", self.min_advance.len(), num_simulations)?;
-                // One lane has two borders, so fewer are an error.
+                // At least two borders, those of one lane: with fewer, the expected length is 2.
                 expect_length("borders", self.borders.len().max(2), self.borders.len())?;
                 Ok(EventThresholds {
                     min_advance: self.min_advance.as_slice()?,
@@ -165,6 +165,7 @@ pub fn ego_signals_and_events(
     expect_length("zero_from", zero_from.len(), count)?;
     expect_length("events", events.len(), EVENT_NAMES.len() * count)?;
     let (zero_from, events) = (zero_from.as_slice_mut()?, events.as_slice_mut()?);
+    // The second argument of `run_in_pool` is the memory that the work allocates [bytes].
     with_ego_signals! { with_outputs! {
         EgoSignals, signals, count * recording.max_frames,
         |out| run_in_pool(py, count * SIMULATION_BYTES, || {
@@ -261,7 +262,8 @@ pub fn target_signals(
 }
 
 /// Upper limit of the memory for one frame in which ego and target overlap [bytes]: its 25 bytes lie in vectors that
-/// double when they are full (up to 50), and the vectors of the threads are then joined into new ones (25 more).
+/// double when they are full (up to 50), and the vectors of the threads are then joined into new ones (25 more). The
+/// sum, 75, is rounded up.
 const ALONGSIDE_BYTES: usize = 96;
 
 /// For each frame in which ego and target overlap: simulation, frame, lane of the target, gap between the sides, and
@@ -349,15 +351,16 @@ pub struct SpanOutputArrays<'py> {
 /// Args:
 ///     recording: As in `ego_signals_and_events`.
 ///     signals: As in `target_signals`.
-///     spans: First and last frame, flat (span, end, simulation).
-///     moments: Two frames (-1: no event), a slot (255: no vehicle) and a lane, flat (moment,
-///         simulation), in the order of `FIELD_NAMES["moments"]`.
+///     spans: First and last frame, flat (span, end, simulation); cut to the recorded frames.
+///     moments: The frames in which the line is crossed and the return ends (-1: no event), the
+///         slot of the target (255: no vehicle) and its original lane, flat (moment, simulation).
 ///     law: Numbers of the law, as `labels.law.margins` makes them.
 ///     outputs: measures, frames and sums, each with a row for each of its names; filled.
 ///     level: As in `ego_signals_and_events`.
 ///
 /// Raises:
-///     ValueError: As in `ego_signals_and_events`, or a frame or a slot does not exist.
+///     ValueError: As in `ego_signals_and_events`, or a frame or a slot of `moments` does not
+///         exist.
 #[pyfunction]
 #[pyo3(signature = (
     *,

@@ -42,7 +42,8 @@ MIN_SPEED_GAIN = 3.0
 PULL_OUT_TIME_GAP = 4.0
 """Time gap to the leader below which the overtake may begin [s]. Chosen.
 
-Also the shortest time in which the gap to a slower new leader may shrink to `MIN_TIME_GAP`.
+Also the shortest time in which the gap to a slower new leader may shrink to `MIN_TIME_GAP`: one
+number for both rules is a choice.
 """
 
 
@@ -176,7 +177,8 @@ def _is_back_in_time(observation: Observation) -> Mask:
     duration = distance / speed_gain + vehicle.lane_change_duration
     is_detected = oncoming.is_detected > 0
     oncoming_gap = np.minimum(np.where(is_detected, oncoming.gap, np.inf), passing.sight_distance)
-    # Closing speeds hold at the ego's present speed, the duration at its desired speed. A choice.
+    # For an ego below its desired speed, the duration, at the desired speed from the start, and the
+    # closing speed, at the present speed, are both too small. A choice in favour of the pass.
     closing_speed = np.where(is_detected, oncoming.closing_speed, 0.0)
     closing_speed = np.maximum(closing_speed, passing.expected_closing_speed)
     return oncoming_gap > (duration + ONCOMING_TIME_MARGIN) * closing_speed

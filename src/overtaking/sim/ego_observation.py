@@ -36,7 +36,7 @@ class EgoObservation(ContentEquality):
 
     Attributes:
         time: Time since the start of the simulation [s]; in `overtaking.gym`, since the start of
-            the present step of the environment.
+            the present step of the environment, because the path of an action begins then.
         is_running: Whether each simulation runs, shape (simulation,). The observations of
             simulations that have ended are zero. In `overtaking.gym` they keep their last values,
             because a reward compares two successive observations.
@@ -137,7 +137,9 @@ class Observation(EgoObservation):
 
 
 DriverFunction = Callable[[Observation], NDArray[np.floating | np.integer]]
-"""A function from the observations of all simulations to actions of shape (simulation, part)."""
+"""A function from the observations of all simulations to actions of shape (simulation, part).
+
+`model.driver_interface.ACTION_KINDS` lists the parts of each kind of action, with their units."""
 
 
 def uniform_numbers(

@@ -34,7 +34,8 @@ from overtaking.world.step_parameters import ParameterSwitch, StepParameters, st
 _BELIEF_TYPES = {
     name: np.uint8 if field.is_flag else field.dtype.type
     for name, field in batch_fields(Percepts).items()
-    # Fields about the manoeuvre are left out: they have no axis of perceived vehicles.
+    # Fields about the manoeuvre are left out. They have no axis of perceived vehicles, the last of
+    # `AXES`. Without a dtype a field is no array.
     if field.dtype and field.axes == Percepts.AXES
 }
 """Type of each field of `Percepts` about a neighbour. The engine writes flags as bytes.
@@ -182,7 +183,7 @@ def allocate_outputs(
     shape = (num_simulations, num_slots, num_frames)
     states = tuple(ArrayLayout(name, shape, dtype) for name, dtype in STATE_DTYPES.items())
     # `written` holds how many frames of each vehicle are filled. In reused memory the engine then
-    # clears only the frames that the previous batch has filled.
+    # clears only the frames that the previous batch has filled. `arrays` reuses both together.
     written = ArrayLayout("written", shape[:2], np.int32)
     outputs = buffers.arrays("states", (*states, written))
     outputs |= {
@@ -203,6 +204,7 @@ def allocate_outputs(
     for name, dtype in _BELIEF_TYPES.items():
         shape_by_vehicle = (*percept_shape, len(PerceivedVehicle))
         outputs[f"percept_{name}"] = array(f"percept_{name}", shape_by_vehicle, dtype)
+    # A hash over the recorded integers of each simulation, four words of 32 bits.
     outputs["trace_hash"] = array("trace_hash", (num_simulations, 4), np.uint32)
     return outputs
 

@@ -55,7 +55,7 @@ pub enum Operand<'a> {
 
 /// Replace each number by the larger of itself and the operand.
 ///
-/// Equal numbers give the operand, as in Python: zeros of different sign are equal.
+/// Equal numbers give the operand, as `core.float32_math.maximum` does. Zeros are equal, so the operand sets the sign.
 pub fn maximum_in_place(values: &mut [f32], others: &Operand<'_>) {
     combine_in_place(values, others, |value, operand| {
         if value > operand { value } else { operand }

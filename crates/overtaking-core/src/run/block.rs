@@ -218,7 +218,7 @@ impl<'a, S: Simd, const N: usize> Block<'a, S, N> {
 
     /// Replace the parameters from the present step on, for a branch, a what-if continuation of a simulation.
     ///
-    /// Station and speed of each vehicle change by the difference between its new and its old start.
+    /// Station and speed of each vehicle change by the new `start_s` and `start_speed` minus the earlier ones.
     fn switch_parameters(&mut self, inputs: &Inputs<'_>, switch: &ParameterSwitch<'_>) {
         let (vehicle_params, simulation_params) = load(
             self.params.simd,

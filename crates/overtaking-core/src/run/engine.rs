@@ -32,7 +32,10 @@ pub(crate) const fn max_blocks_per_share(slots: usize) -> usize {
 /// Shares take different times. With fewer shares, one thread would wait long for another at the end.
 const MIN_SHARES_PER_THREAD: usize = 4;
 
-/// Shares shrink to this number of blocks if larger ones would be fewer than `MIN_SHARES_PER_THREAD` for each thread.
+/// Number of blocks down to which shares shrink for `MIN_SHARES_PER_THREAD`. They shrink further only to give each
+/// thread one share.
+///
+/// A choice: the smaller of the two numbers measured above. It has no effect where no share has more blocks.
 const BLOCKS_PER_SMALL_SHARE: usize = 4;
 
 /// Position of a simulation in its batch, and the memory for its results.
@@ -63,7 +66,8 @@ pub struct Inputs<'a> {
 
 /// Parameters that replace the earlier ones at a step, for a branch (a simulation that continues differently).
 ///
-/// Station and speed of each vehicle change by the difference between its new and its old start.
+/// At that step, station and speed of each vehicle change by the new `start_s` and `start_speed` minus the earlier
+/// ones.
 #[derive(Clone, Copy)]
 pub struct ParameterSwitch<'a> {
     /// Parameters of vehicles and drivers from that step on, (field, slot, simulation).

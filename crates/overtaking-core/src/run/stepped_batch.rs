@@ -235,7 +235,8 @@ impl<S: Simd, const N: usize> StepGroups<S, N> {
         for simulations in simulations.chunks(SIMD_LANES) {
             let history = self.free_histories.pop().unwrap_or_else(new_history);
             let mut block = Block::new(self.simd, inputs, simulations, None, history);
-            // From positions in `inputs` to rows of the batch.
+            // From positions in `inputs` to rows of the batch. Lanes without a simulation repeat the last one;
+            // `has_simulation` leaves them out.
             block.simulations = block.simulations.map(|index| rows[index]);
             blocks.push(block);
         }
@@ -432,8 +433,8 @@ impl<S: Simd, const N: usize> StepGroup<S, N> {
                 simulations,
                 ..
             } = &mut **block;
-            // `true`: an external driver may let its ego change lanes at any decision, so the search includes all its
-            // neighbours.
+            // `true`: the search includes all neighbours of the ego at every decision, because its observation shows
+            // them all, and an external driver may change lanes at any.
             perceive(state, params, context, self.step, true);
             let step = self.step as f32;
             let is_running = |lane: usize| step <= state.end_step[lane];

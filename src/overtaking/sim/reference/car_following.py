@@ -78,10 +78,11 @@ def iidm_accel(constants: ModelConstants, follower: Follower, leader: Leader) ->
     # Desired gap over gap.
     z = s_star / maximum(leader.gap, constants.min_effective_gap)
     speed_ratio = follower.speed / follower.desired_speed
-    # The exponents, 4 below the desired speed and 4 a / b (`overspeed_exponent`) above it, give
-    # both branches the same slope there. `following.free_exponent` in `model.toml` sets only the
-    # second exponent: change the fourth power here together with it. Other powers are
-    # exp(exponent * log(base)), which has the same bits on every machine; `**` depends on the CPU.
+    # Below the desired speed the exponent is 4, above it `overspeed_exponent`, which is
+    # `following.free_exponent` (`model.toml`) times a / b. As `free_exponent` is 4 as well, both
+    # branches have the same slope at the desired speed: change the two numbers together.
+    # Other powers are exp(exponent * log(base)), which has the same bits on every machine; `**`
+    # depends on the CPU.
     square = speed_ratio * speed_ratio
     free_accel_below = vehicle.accel * (ONE - square * square)
     decay = exp(-vehicle.overspeed_exponent * log(maximum(speed_ratio, ONE)))

@@ -303,8 +303,8 @@ def _find_impact(
     time = share * swept.length
     overlap = swept_overlap(*boxes_before(RemainingStep(share, time)), start_offset, end_offset)
     enter = clamp(overlap.enter, ZERO, ONE)
-    # Levers with the positions at the time of contact, and with the headings of the second sweep,
-    # which gave this time: levers at any other time would create spin.
+    # The boxes as they touch in the second sweep: its headings, which stay those at `time`, and the
+    # positions at its contact, `enter`. Levers of any other boxes would create spin.
     boxes = boxes_before(RemainingStep(ONE - enter, time))
     arm_first, arm_second = _contact_arms(*boxes)
     # Velocities are those at the end of the step, which a contact then changes.

@@ -162,6 +162,7 @@ def _next_stage(
     Of the rules below, in the order of an overtake, the last that applies wins: a driver that
     aborts at the end of its pull-out goes to `ABORT`, not to `PASS`.
     """
+    # `has_finished_lane_change` is true at every decision at which no lane change is under way.
     centre = HALF * (neighbours.lane_right_edge[slots] + neighbours.lane_left_edge[slots])
     is_near_centre = np.abs(state.motion.d[slots] - centre) < params.constants.settled_offset
     is_back_in_lane = intent.has_finished_lane_change & is_near_centre

@@ -283,6 +283,7 @@ def _fits_after_braking(
     """
     constants, beliefs = params.constants, context.beliefs
     decel = _abort_decel(params, vehicle)
+    # The lead over the target is the true one, as the gaps in `_return_space`: a choice.
     gained_on_target = _distance_gained_while_braking(constants, motion.closing_speed, decel)
     lead_after_braking = motion.target_lead.now - gained_on_target
     # The leader in the own lane may be another vehicle, if the target has pulled out itself. The

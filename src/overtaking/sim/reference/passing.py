@@ -55,7 +55,8 @@ class PassingOpportunity:
         leader_length: Length of the leader [m].
         gap_ahead_of_leader: Gap between the leader and the next vehicle ahead of it [m].
         assumed_oncoming_gap: Distance at which the driver assumes an oncoming vehicle [m].
-        oncoming_closing_speed: Believed or expected closing speed of that vehicle [m/s].
+        oncoming_closing_speed: Believed closing speed of that vehicle; without a detected vehicle
+            the closing speed of one at the usual speed [m/s].
         is_certain: Whether the driver has looked long enough to know if a vehicle is coming.
         line_is_solid: Whether a solid line separates the directions here or ahead.
         tall_vehicle_gap_factor: Factor on the gap that the driver leaves at its return to a leader
@@ -285,6 +286,7 @@ def gap_ahead_of(state: State, params: StepParameters, slot: F32, slots: SlotSel
     # Slot of each driver; the column broadcasts over the simulations.
     driver_slot = np.arange(len(s), dtype=np.float32)[:, None][slots]
     for candidate in range(len(s)):
+        # No vehicle is ahead of its own centre; the first comparison of slots changes nothing.
         is_same_direction = vehicles.travel_sign[candidate] == vehicles.travel_sign[slots]
         is_other = (slot != np.float32(candidate)) & (driver_slot != np.float32(candidate))
         is_candidate = is_other & is_same_direction & (vehicles.valid[candidate] > 0)
@@ -310,7 +312,8 @@ def line_is_solid(
     """
     # From each station on, 1 if drivers along or against the road must not cross the line, else 0.
     stations, along, against = params.road.solid_line
-    # The station is on the road; the sign is 1 for drivers along the road, -1 for the others.
+    # Lines have stations of the road, which `road_position` gives; `state.motion.s` grows in each
+    # vehicle's direction of travel. The sign is 1 for drivers along the road, -1 for the others.
     s, travel_sign = state.road_position(params)[0][slots], params.vehicles.travel_sign[slots]
     is_solid = np.zeros(s.shape, bool)
     for road_s in (s, s + travel_sign * distance):

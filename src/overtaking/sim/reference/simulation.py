@@ -193,7 +193,8 @@ def _steps_at_once(params: StepParameters) -> int:
 def switch_parameters(state: State, params: StepParameters, new_params: StepParameters) -> None:
     """Adapt the state to parameters that replace others in the middle of a simulation.
 
-    Station and speed of each vehicle change by the difference between its new and its old start.
+    Station and speed of each vehicle change by the new `start_s` and `start_speed` minus the
+    earlier ones.
     The history, which drivers recall, changes by the same, as if the vehicle had always been there.
     """
     vehicles, new_vehicles = params.vehicles, new_params.vehicles

@@ -219,8 +219,9 @@ def _axles(state: State, params: StepParameters, force: F32, mid: MidStep) -> Ax
     """
     vehicles, constants = params.vehicles, params.constants
     is_two_wheeler = vehicles.two_wheeler > 0
-    # The acceleration of the last step contains the pull of the slope, an error that affects the
-    # estimate only where friction limits the force, and in `steering_loss`.
+    # The acceleration of the last step contains the pull of the slope, which should not count (see
+    # below). This error reaches the estimate by `steering_loss`, and where friction limits the
+    # force of an axle. Unlimited, both forces add up to `force` at any load.
     front_load_share = _front_load_share(params, state.motion.accel_lon)
     # `front_drive` is the share of the engine's force at the front axle.
     front_force_share = np.where(force < 0, front_load_share, vehicles.front_drive)
@@ -460,7 +461,8 @@ def _update_position(
     )
 
     # The new speed along the road depends on this turn, so the mean speed is extrapolated instead.
-    # The angle to the road is neglected in it.
+    # The angle to the road is neglected in it. `curvature` belongs to the vehicle's path
+    # along the road, positive to the left.
     road_turn = step_length * (state.road.curvature * (along + half_step * motion.accel_lon))
     motion.heading = motion.heading + step_length * mean_yaw_rate - road_turn
     turn_sine, turn_cosine = sincos(road_turn)
