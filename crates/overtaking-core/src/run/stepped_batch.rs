@@ -159,8 +159,8 @@ impl<S: Simd, const N: usize> SteppedBatch for StepGroups<S, N> {
     }
 
     fn advance(&mut self, actions: &[i32], decisions: u32) -> EgoObservations {
-        // A log of one decision, the actions of this call. They hold for all its decisions, because decisions beyond the
-        // end of a log take the last actions in it.
+        // A log of one decision, the actions of this call. They hold for all its decisions, because decisions beyond
+        // the end of a log take the last actions in it.
         let action_log = self.action_kind.map(|kind| ActionLog {
             kind,
             values: actions,
