@@ -93,7 +93,7 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
     ///   the pass and aborting is quicker.
     /// - If its centre is past the target's centre and it has no time for the next vehicle, it returns between the two.
     ///   If the space between them is too small, or falling back is quicker than gaining the distance that it still
-    ///   lacks to return ahead of the target, it aborts.
+    ///   needs to return ahead of the target, it aborts.
     /// - It returns urgently, and accepts a small gap, if little time would be left after the pass, or if the space
     ///   between the two is less than its usual demand. A driver that heeds solid lines also returns urgently if it
     ///   would otherwise cross one, but keeps its usual gap.

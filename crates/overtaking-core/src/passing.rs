@@ -213,8 +213,8 @@ impl<S: Simd, const N: usize> VehicleHandle<'_, S, N> {
         };
         let gaining_time = self.time_to_pass(distance, &speeds);
         let time = vehicle.passing_time_factor * (gaining_time + vehicle.lane_change_duration);
-        // The closing speed now, without a detected vehicle that of one at the usual speed, is too low: on average over
-        // the pass the driver is faster by half of its gain in speed.
+        // The present closing speed is too low (without a detected vehicle, it assumes one at the usual speed): on
+        // average over the pass, the driver is faster by half of its gain in speed.
         let closing_speed = oncoming.closing_speed + 0.5 * at_least(passing_speed - speed, 0.0);
         let reserve =
             vehicle.time_reserve_share * at_least(patience_left, constants.min_time_reserve_share);

@@ -35,7 +35,7 @@ use crate::vehicle_handle::VehicleHandle;
 const NEAREST_GAP: f32 = 1.0;
 /// Larger than every range of sight; keeps squares finite [m].
 const FARTHEST_GAP: f32 = 1e4;
-/// Nothing is visible through this optical depth; the limit bounds the exponent [1].
+/// Largest optical depth, through which drivers see no vehicle; the limit bounds the exponent [1].
 const MAX_OPTICAL_DEPTH: f32 = 40.0;
 /// Smallest logarithm of a contrast over its threshold: the outline of a near vehicle shows even against the sun [1].
 const MIN_LOG_CONTRAST: f32 = 0.02;
@@ -137,7 +137,7 @@ pub fn record_history<S: Simd, const N: usize>(
     for slot in 0..params.num_slots_in_use {
         // Velocity along and across the road.
         let (along, _) = state.vehicle(params, slot).road_velocity();
-        // Pairs of station and speed: `low` has those of the first eight simulations, `high` those of the others.
+        // Pairs of station and speed: of the first eight simulations in `low`, of the others in `high`.
         let (low, high) = state.motion.s[slot].interleave(along);
         let (low, high) = (low.to_array(), high.to_array());
         let pairs = low.as_chunks::<2>().0.iter().chain(high.as_chunks().0);

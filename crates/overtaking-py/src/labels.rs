@@ -85,7 +85,7 @@ macro_rules! event_threshold_values {
         impl EventThresholdValues<'_> {
             fn thresholds(&self, num_simulations: usize) -> PyResult<EventThresholds<'_>> {
                 expect_length("min_advance", self.min_advance.len(), num_simulations)?;
-                // At least two borders, those of one lane: with fewer, the expected length is 2.
+                // One lane has two borders: with fewer, the expected length is 2.
                 expect_length("borders", self.borders.len().max(2), self.borders.len())?;
                 Ok(EventThresholds {
                     min_advance: self.min_advance.as_slice()?,

@@ -113,7 +113,7 @@ def uniform_from_word(word: U32) -> F32:
     """Convert 32-bit words to numbers in the open interval (0, 1).
 
     Only the upper 23 bits of the word count: together with the digit of the added half they fill
-    the 24 binary digits of a float32, so nothing is rounded. The half excludes 0, because
+    the 24 binary digits of a float32, so the sum is exact. The half excludes 0, because
     `box_muller` takes the logarithm.
     """
     return ((word >> np.uint32(9)).astype(np.float32) + HALF) * np.float32(2.0**-23)

@@ -210,8 +210,8 @@ class _BatchChecker:
     def check_values(self, batch: Any, path: str) -> None:
         """Refuse arrays with a value out of range, and batches that break a constraint.
 
-        `check_structure` must have accepted the batch. It has also checked single numbers, so
-        nothing is left to check in a dataclass that is no batch.
+        `check_structure` must have accepted the batch. It has also checked single numbers,
+        so a dataclass that is no batch needs no further check.
         """
         if not isinstance(batch, Batch):
             return

@@ -92,7 +92,7 @@ macro_rules! output_fields {
                 let count = self.num_frames.len();
                 $(let mut $field = self.$field.chunks_mut($size(slots, frames).max(1));)*
                 $(let mut $state = self.$state.chunks_mut((slots * frames).max(1));)*
-                // Callers give each array the length of `sizes`, so no simulation lacks its part.
+                // Callers give each array the length of `sizes`, so each simulation has its part.
                 let next_simulation = |_| Some(Output {
                     $($field: $field.next()?,)*
                     $($state: $state.next()?,)*

@@ -48,8 +48,8 @@ class Fact(Predicate):
     Attributes:
         measure: Returns the columns of its arguments.
         required_input: Property without which a recording has no facts of the predicate, such as
-            `weather`: one of `UNKNOWNS` (`model.trajectories`), the properties that a recording may
-            lack. None if every recording has what the predicate needs.
+            `weather`: one of `UNKNOWNS` (`model.trajectories`), the properties that may be
+            unknown. None if every recording has all properties that the predicate needs.
     """
 
     measure: FactMeasurement

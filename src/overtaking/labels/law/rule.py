@@ -110,7 +110,7 @@ class Criterion(ABC):
     def required_inputs(self) -> frozenset[str]:
         """Inputs that the criterion needs; the duty is undecidable if a recording omits one.
 
-        The names are those of `model.trajectories.UNKNOWNS`, such as "weather" or "kinds".
+        The names are in `model.trajectories.UNKNOWNS`, such as "weather" or "kinds".
         """
         return frozenset()
 

@@ -3,7 +3,7 @@
 A `Case` is a batch of simulations with one ego each. An event is a frame of each simulation,
 `NEVER` (-1) without it; a span is the first and the last frame of a stretch of time. A zone is a
 place where the law restricts overtaking, such as a bend, a crossing or a stretch with a sign; zones
-belong to the `course` of a road, which may have none. `overtaking_span` lasts from the line
+belong to the `course` of a road; a road may be without one. `overtaking_span` lasts from the line
 crossing until the target is passed and the ego back on its side. In `ERROR_FORMULA`, sp and sv are
 the standard deviations of a position and of a speed. The docstring of the package `criteria`
 explains these terms in full, `rule.Criterion` describes the methods.
